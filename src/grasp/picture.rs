@@ -285,6 +285,9 @@ fn mark(center: Point3<f64>, half: f64) -> OrientedBox {
 fn faces(shape: &OrientedBox, spacing: f64, color: [f32; 3], sh_degree: u8, meters_per_unit: f64) -> Gaussians {
     /// Opacity 0.99.
     const LOGIT: f32 = 4.6;
+    // A picture shows no more Gaussians along a side than it has pixels.
+    let longest = shape.half.iter().fold(0.0_f64, |longest, half| longest.max(2.0 * half));
+    let spacing = spacing.max(longest / f64::from(SIDE_PX));
     let mut gaussians = Gaussians { sh_degree, ..Gaussians::default() };
     let log = |m: f64| (m / meters_per_unit).ln() as f32;
     for axis in 0..3 {
@@ -325,5 +328,17 @@ mod tests {
         let count: usize = hand.iter().map(|part| faces(part, spacing_m(side), [0.0; 3], 0, 1.0).len()).sum();
         // The faces of the fingers and the palm have 110 cm2: 4 Gaussians for each mm2.
         assert!(count < 60_000, "{count}");
+    }
+
+    #[test]
+    fn a_hand_around_a_huge_object_is_drawn_with_few_gaussians() {
+        // A palm of 200 m, with fingers of 20 mm: the scene is in millimetres, and was taken to be in metres.
+        let (side, contacts) = (0.02, [Point3::origin(), Point3::new(200.0, 0.0, 0.0)]);
+        let [.., palm] = hand(contacts, Vector3::z(), side, 0.0);
+        let drawn = faces(&palm, spacing_m(side), [0.0; 3], 0, 1.0);
+        // One for each of 640 pixels on four faces, and one at either end.
+        assert!((2560..3000).contains(&drawn.len()), "{}", drawn.len());
+        let ends = |of: fn(f32, f32) -> f32, from: f32| drawn.positions.iter().map(|p| p[0]).fold(from, of);
+        assert!(ends(f32::min, f32::INFINITY) < 0.2 && ends(f32::max, f32::NEG_INFINITY) > 199.8, "the whole palm");
     }
 }

@@ -48,12 +48,20 @@ pub enum SimulateError {
         velocity_m_s: [f32; 3],
         cause: &'static str,
     },
+    #[error(
+        "at t = {t_s:.6} s, before frame {frame}, something moves at {speed_m_s:.1e} m/s: the time steps that this speed allows are \
+         so short that the simulation would take far longer than --max-simulation-minutes; lower the scenario's speed, rate or \
+         force. Earlier frames are kept"
+    )]
+    TooFast { speed_m_s: f64, t_s: f64, frame: usize },
     #[error("cannot resume from the checkpoint: {0}; delete it to start from the first frame")]
     Checkpoint(String),
-    #[error("cannot read the PhysGaussian configuration: {0}")]
+    #[error("cannot use the PhysGaussian configuration: {0}")]
     Configuration(String),
     #[error("--rigid: there is no part `{part}`: give one of `{names}`, or auto, or never")]
     Rigid { part: String, names: String },
+    #[error("--rigid {word} has to be given alone: leave out the other values of --rigid, or `{word}`")]
+    RigidAlone { word: String },
     #[error("--scenario cannot be run: {0}")]
     Scenario(String),
     #[error("--set changes the parameters of a named scenario, and `{path}` is a file: edit the file instead")]

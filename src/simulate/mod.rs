@@ -90,6 +90,7 @@ pub fn simulate<E: From<SimulateError>>(
         falls_until_s,
         actions,
         minutes,
+        most_substeps,
         mut report,
     } = setup::set_up(input, options)?;
     let deforming = bodies.body_of.iter().filter(|body| body.is_none()).count();
@@ -124,10 +125,9 @@ pub fn simulate<E: From<SimulateError>>(
         if index > 0 {
             let span = [time_of(index - 1), time_of(index)];
             let started_s = fall(&mut object, falls_until_s, span);
-            advance(&mut object, &bound, &actions, [started_s, span[1]], &mut record).map_err(|failure| {
-                let label = labels[failure.lost.particle] as usize;
-                failure.into_error(index, input.materials[label].name.clone(), to_world)
-            })?;
+            let material = |particle: usize| input.materials[labels[particle] as usize].name.clone();
+            advance(&mut object, (&bound, most_substeps), &actions, [started_s, span[1]], &mut record)
+                .map_err(|failure| failure.into_error(index, material, to_world))?;
         }
         let particles = object.particles();
         let gaussians = frames::deformed(input.gaussians, &carried, &particles, to_world);
@@ -153,6 +153,12 @@ fn resumed(
     bodies: &Bodies,
     ground: &Boundary,
 ) -> Result<(Record, Object), SimulateError> {
+    // The solver looks up laws by their numbers, and builds a grid around all particles.
+    let domain_m = setting.domain_m;
+    let fits = |(start, now): (&Particle, &Particle)| start.law == now.law && mpm::is_within(domain_m, now.position_m);
+    if start.len() != checkpoint.particles.len() || !start.iter().zip(&checkpoint.particles).all(fits) {
+        return Err(SimulateError::Checkpoint("the state of its particles is damaged".to_owned()));
+    }
     for ((particle, now), body) in start.iter_mut().zip(checkpoint.particles).zip(&bodies.body_of) {
         if body.is_none() {
             *particle = now;
@@ -165,15 +171,26 @@ fn resumed(
     Ok((checkpoint.record, object))
 }
 
-/// A lost particle, and the time of the loss.
-struct Failure {
-    lost: Lost,
-    t_s: f64,
+/// Why a frame cannot be reached, and the time of the failure.
+enum Failure {
+    Lost {
+        lost: Lost,
+        t_s: f64,
+    },
+    /// Something moves so fast that a step which its speed allows is lost in rounding, or that there were too many steps.
+    TooFast {
+        speed_m_s: f64,
+        t_s: f64,
+    },
 }
 
 impl Failure {
-    fn into_error(self, frame: usize, material: String, to_world: ToWorld) -> SimulateError {
-        let Lost { particle, position_m, velocity_m_s } = self.lost;
+    /// `material` returns the name of a particle's material.
+    fn into_error(self, frame: usize, material: impl Fn(usize) -> String, to_world: ToWorld) -> SimulateError {
+        let (Lost { particle, position_m, velocity_m_s }, t_s) = match self {
+            Self::Lost { lost, t_s } => (lost, t_s),
+            Self::TooFast { speed_m_s, t_s } => return SimulateError::TooFast { speed_m_s, t_s, frame },
+        };
         let finite = position_m.iter().chain(&velocity_m_s).all(|v| v.is_finite());
         let (what, cause) = match finite {
             false => (
@@ -189,7 +206,8 @@ impl Failure {
         };
         let origin = to_world.origin_m;
         let position_m = [0, 1, 2].map(|a| position_m[a] + origin[a] as f32);
-        SimulateError::Lost { particle, material, what, t_s: self.t_s, frame, position_m, velocity_m_s, cause }
+        let material = material(particle);
+        SimulateError::Lost { particle, material, what, t_s, frame, position_m, velocity_m_s, cause }
     }
 }
 
@@ -204,11 +222,11 @@ fn fall(object: &mut Object, until_s: f64, [from_s, to_s]: [f64; 2]) -> f64 {
     end_s
 }
 
-/// Advances from the start of `span` to its end. The object is renewed for each frame because a resumed run starts with
-/// a new one.
+/// Advances from the start of `span` to its end, if the run takes at most `most_substeps` in all. The object is renewed for
+/// each frame because a resumed run starts with a new one.
 fn advance(
     object: &mut Object,
-    bound: &StepBound,
+    (bound, most_substeps): (&StepBound, u64),
     actions: &[Acting],
     [from_s, to_s]: [f64; 2],
     record: &mut Record,
@@ -217,9 +235,13 @@ fn advance(
     let mut left_s = to_s - from_s;
     while left_s > 0.0 {
         let (t_s, change_s) = action::now_and_next_change_s(actions, to_s, left_s);
-        let dt_s = bound.next_s(left_s, object.fastest_m_s()).min(change_s - t_s);
+        let speed_m_s = object.fastest_m_s();
+        let dt_s = bound.next_s(left_s, speed_m_s).min(change_s - t_s);
         let after_s = if dt_s < left_s { left_s - dt_s } else { 0.0 };
-        action::step(actions, object, t_s, dt_s).map_err(|lost| Failure { lost, t_s: to_s - after_s })?;
+        if after_s == left_s || record.substeps >= most_substeps {
+            return Err(Failure::TooFast { speed_m_s, t_s });
+        }
+        action::step(actions, object, t_s, dt_s).map_err(|lost| Failure::Lost { lost, t_s: to_s - after_s })?;
         left_s = after_s;
         record.substeps += 1;
         record.longest_dt_s = record.longest_dt_s.max(dt_s);

@@ -6,7 +6,7 @@ use super::boundary::Boundary;
 use super::mpm::in_order::InOrder;
 use super::mpm::laws::Law;
 use super::mpm::particles::{Motion, Particle};
-use super::mpm::{DRIFT, Lost, Setting, Solver};
+use super::mpm::{DRIFT, Lost, Setting, Solver, is_within};
 use super::rigid::body::{Body, Moments, State, Velocities};
 use super::rigid::contact::Ground;
 use super::rigid::coupling::{self, Guest, Joints, Moving};
@@ -282,7 +282,8 @@ impl Object {
         self.bodies.iter().flat_map(of).collect()
     }
 
-    /// Gives its bodies a state from [`Self::numbers`]; false if the numbers do not fit these bodies.
+    /// Gives its bodies a state from [`Self::numbers`]; false if the numbers do not fit these bodies, or take one of them out
+    /// of the domain.
     #[must_use]
     pub fn restore(&mut self, mut numbers: &[f64]) -> bool {
         for body in &mut self.bodies {
@@ -294,8 +295,14 @@ impl Object {
             }
             numbers = rest;
         }
+        let is_placed = |body: &Body| {
+            body.members().iter().all(|member| is_within(self.domain_m, body.particle(member).position_m))
+        };
+        if !numbers.is_empty() || !self.bodies.iter().all(is_placed) {
+            return false;
+        }
         self.renew();
-        numbers.is_empty()
+        true
     }
 }
 

@@ -20,7 +20,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("anchor"),
     SceneKey::any("fixed-step"),
     SceneKey::any("duration"),
-    SceneKey::any("frames"),
+    SceneKey::with("frames", may_be_frames_of_scene),
     SceneKey::any("grid"),
     SceneKey::any("gravity"),
     SceneKey::any("ground"),
@@ -35,6 +35,14 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("elevation-deg"),
     SceneKey::any("turntable"),
 ];
+
+/// The most frames that a scene may ask for, each of which is a splat on the disk: as many as the report shows.
+const MOST_FRAMES_OF_SCENE: u32 = 60;
+
+/// False for a number of frames that only the user may ask for.
+fn may_be_frames_of_scene(text: &str) -> bool {
+    !text.parse::<u32>().is_ok_and(|frames| frames > MOST_FRAMES_OF_SCENE)
+}
 
 /// An hour.
 const LONGEST_S: f64 = 3600.0;
@@ -89,7 +97,8 @@ pub struct Options {
     #[arg(long, value_name = "SECONDS", value_parser = above(0.0, LONGEST_S))]
     pub fixed_step: Option<f64>,
 
-    /// Refuse a simulation that is expected to take longer than this many minutes
+    /// Refuse a simulation that is expected to take longer than this many minutes, and stop one that takes twice the steps
+    /// that fit in them
     #[arg(long, value_name = "MINUTES", default_value_t = 120.0, value_parser = above(0.0, MOST_MINUTES))]
     pub max_simulation_minutes: f64,
 

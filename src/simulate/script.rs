@@ -2,12 +2,14 @@
 //!
 //! A named scenario is equivalent to a file, but written in code: [`named`] turns parameters into a [`Script`].
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::Deserialize;
 
 use super::action::{Action, Effect};
 use super::error::SimulateError;
+use super::filling::Body;
+use super::material::Material;
 use super::mpm::particles::Particle;
 use crate::output::toml_problem;
 
@@ -95,7 +97,7 @@ pub fn caption(scenario: &str) -> String {
 
 /// True if the value of `--scenario` is a scenario's name; otherwise it is the path of a file.
 pub fn is_name(text: &str) -> bool {
-    !text.ends_with(".toml")
+    !text.to_ascii_lowercase().ends_with(".toml")
 }
 
 /// A scenario as written in a file.
@@ -168,6 +170,11 @@ impl Step {
         };
         of_what.iter().chain([&self.from, &self.to]).all(|number| number.is_finite())
     }
+
+    /// Whether its time lies outside the simulated time, or ends before it begins.
+    fn never_acts(&self) -> bool {
+        self.from.max(0.0) > self.to.min(1.0)
+    }
 }
 
 impl What {
@@ -195,14 +202,16 @@ impl Script {
     /// Reads a scenario file.
     ///
     /// # Errors
-    /// [`SimulateError::Scenario`] for invalid TOML, unknown keys, or numbers that are out of range or not finite.
+    /// [`SimulateError::Scenario`] for invalid TOML, unknown keys, numbers that are out of range or not finite, or a step that
+    /// never acts.
     pub fn from_toml(text: &str) -> Result<Self, SimulateError> {
         let script: Self = toml::from_str(text).map_err(|error| SimulateError::Scenario(toml_problem(&error, text)))?;
         script.check()?;
         Ok(script)
     }
 
-    /// Checks that the height and the tilt are within the limits of the options, and that all numbers of steps are finite.
+    /// Checks that the height and the tilt are within the limits of the options, that all numbers of steps are finite, and
+    /// that no step lies outside the simulated time or ends before it begins.
     fn check(&self) -> Result<(), SimulateError> {
         if !(0.0..=HIGHEST_DROP).contains(&self.drop_height) {
             let height = self.drop_height;
@@ -216,12 +225,20 @@ impl Script {
                 "the tilt is {tilt}; give -{FULL_TURN} to {FULL_TURN} degrees"
             )));
         }
-        match (1..).zip(&self.steps).find(|(_, step)| !step.is_finite()) {
-            Some((number, _)) => {
-                Err(SimulateError::Scenario(format!("step {number}: a value is infinite or NaN; give finite numbers")))
+        for (number, step) in (1..).zip(&self.steps) {
+            let Step { from, to, .. } = step;
+            if !step.is_finite() {
+                let problem = format!("step {number}: a value is infinite or NaN; give finite numbers");
+                return Err(SimulateError::Scenario(problem));
             }
-            None => Ok(()),
+            if step.never_acts() {
+                return Err(SimulateError::Scenario(format!(
+                    "step {number} never acts: it lasts from {from} to {to} of the simulated time; give fractions from 0 to \
+                     1, the smaller first"
+                )));
+            }
         }
+        Ok(())
     }
 }
 
@@ -386,13 +403,24 @@ impl Standing<'_> {
     }
 }
 
+/// The names of each part by which a step or an option may refer to it: its caption and its material. A part without
+/// `bodies` has no names: nothing of it is simulated, so nothing can act on it.
+pub(super) fn names_of_parts<'a>(materials: &'a [Material], bodies: &[Body]) -> Vec<Vec<&'a str>> {
+    let simulated: BTreeSet<u32> = bodies.iter().map(|body| body.label).collect();
+    let names = |(label, material): (u32, &'a Material)| match simulated.contains(&label) {
+        true => vec![material.caption.as_str(), material.name.as_str()],
+        false => vec![],
+    };
+    (0..).zip(materials).map(names).collect()
+}
+
 /// For each part, whether `part` refers to it: by one of its `names`, or, if no part has this name, by words from one of
 /// its names. `None` if `part` refers to no part.
 pub(super) fn parts_named(names: &[Vec<&str>], part: &str) -> Option<Vec<bool>> {
     let named = |is: fn(&str, &str) -> bool| -> Vec<bool> {
         names.iter().map(|names| names.iter().any(|name| is(name, part))).collect()
     };
-    let mut found = named(str::eq_ignore_ascii_case);
+    let mut found = named(|name, part| name.to_lowercase() == part.to_lowercase());
     if !found.contains(&true) {
         found = named(mentions);
     }

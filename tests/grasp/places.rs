@@ -1,7 +1,7 @@
 //! Places to grasp at, on clouds whose best places are known.
 
 use gprop::grasp::gripper::GripperProfile;
-use gprop::grasp::surface::Surface;
+use gprop::grasp::surface::{Surface, SurfacePoint};
 use gprop::grasp::{GraspError, GraspReport, Options, Reason, grasp};
 use gprop::parts::{self, PartsResult};
 use gprop::progress::Progress;
@@ -47,7 +47,7 @@ fn normals_of_a_ball_point_outward() {
     let cloud = Cloud::sphere(Point3::origin(), 0.05, 8000, |_| 0);
     let surface = Surface::of(&cloud.gaussians(0.001), &vec![0; 8000], &cameras(0.3, 24, |_| true), 1.0);
     assert!(surface.points.len() > 7900, "{} of 8000 are seen", surface.points.len());
-    let off = |p: &gprop::grasp::surface::SurfacePoint| p.normal.angle(&p.position.coords).to_degrees();
+    let off = |p: &SurfacePoint| p.normal.angle(&p.position.coords).to_degrees();
     let mut angles: Vec<f64> = surface.points.iter().map(off).collect();
     angles.sort_by(f64::total_cmp);
     // The Gaussians are flat, so the normals are theirs, except for a part of the depth map's error.
@@ -126,6 +126,20 @@ fn a_point_far_from_the_object_is_refused_with_the_distance() {
     }
     // The middle of the disc is far from its surface, but not outside the object.
     assert!(scene.surface.distance_m(Point3::new(0.06, 0.0, 0.01)) == Some(0.0));
+}
+
+/// A plate that was seen from above only has no surface that faces down.
+#[test]
+fn a_point_far_behind_a_surface_is_not_within_the_object() {
+    let points = (0..9).map(|n| SurfacePoint {
+        position: Point3::new(0.01 * f64::from(n % 3), 0.01 * f64::from(n / 3), 0.0),
+        normal: Vector3::z(),
+        part: 0,
+    });
+    let plate = Surface { points: points.collect(), obstacles: Vec::new() };
+    for z in [-10.0, 10.0] {
+        assert_eq!(plate.distance_m(Point3::new(0.01, 0.01, z)), Some(10.0));
+    }
 }
 
 #[test]

@@ -223,6 +223,12 @@ fn runs_a_configuration_on_a_scene() {
     }
     // A ball with a radius of 10 cells, without its shell.
     assert!(report.fill_particles > 2000 && report.fill_particles < 4200, "{}", report.fill_particles);
+    // Two billion in each of these cells would take terabytes.
+    let crowded = json.replace("\"search_threshold\"", "\"max_partciels_per_cell\": 2000000000, \"search_threshold\"");
+    match run(&ball, &Config::from_json(&crowded).unwrap(), None, &mut |_, _, _| Ok(()), Progress::Hidden) {
+        Err(SimulateError::Configuration(why)) => assert!(why.contains("`max_particles_num`"), "{why}"),
+        other => panic!("{other:?}"),
+    }
     let start = &ball.positions[1];
     for a in 0..3 {
         assert!((frames[0].positions[0][a] - start[a]).abs() < 1e-4, "{:?} {start:?}", frames[0].positions[0]);
@@ -262,6 +268,27 @@ fn a_frame_with_a_lost_particle_is_not_kept() {
         Err(SimulateError::Lost { frame, .. }) => assert_eq!((frame, kept), (1, 1)),
         other => panic!("{other:?}"),
     }
+}
+
+/// The largest float below 8.5 cells of a tenth: times ten, it is rounded to 8.5 cells, from where a stencil reaches the
+/// node beyond the last one.
+#[test]
+fn a_particle_at_the_rim_of_the_grid_is_lost() {
+    let config = Config::from_json(r#"{"n_grid": 10, "grid_lim": 1}"#).unwrap();
+    let place = 0.849_999_96_f32;
+    assert!(place < 8.5 * 0.1 && place * 10.0 == 8.5);
+    for at in [Vector3::new(place, 0.5, 0.5), Vector3::new(0.5, 0.5, place)] {
+        let particle = Particle::at_rest(at, 1e-3, 1.0, Strength::new(1e5, 0.3, 0.0));
+        assert!(Solver::new(&config, vec![particle]).step(1e-4).is_err(), "{at}");
+    }
+}
+
+#[test]
+fn a_region_without_gaussians_is_told() {
+    let config = Config::from_json(r#"{"sim_area": [50, 60, 50, 60, 50, 60]}"#).unwrap();
+    let mut keep = |_: usize, _: &[Particle], _: &Gaussians| Ok::<_, SimulateError>(());
+    let why = run(&ball(100), &config, None, &mut keep, Progress::Hidden).unwrap_err().to_string();
+    assert!(why.contains("`sim_area`") && why.contains("`opacity_threshold`"), "{why}");
 }
 
 fn label(law: Law, youngs_modulus_pa: f64, density_kg_m3: f64) -> FieldLabel {

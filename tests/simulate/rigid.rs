@@ -305,6 +305,21 @@ fn rigid_bodies_exchange_momentum() {
     }
 }
 
+/// Two rods beside each other whose particles lie in the middle of a cell, so that both reach the nodes on one side with a
+/// weight of zero: the nodes have no mass, and the rods stay at rest.
+#[test]
+fn bodies_meet_at_nodes_without_mass() {
+    let any = Block::default().particles()[0];
+    let places = [[1.5, 1.5, 1.5], [1.5, 1.5, 2.5], [1.5, 2.5, 1.5], [1.5, 2.5, 2.5]];
+    let particles = places.map(|position_m| Particle { position_m, ..any });
+    let body_of = vec![Some(0), Some(0), Some(1), Some(1)];
+    let mut object = object_of(&particles, body_of, 1.0, 0.0, vec![], None);
+    run(&mut object, 1e-3, 10);
+    for (before, after) in particles.iter().zip(particles_of(&object)) {
+        assert_eq!((before.position_m, before.velocity_m_s), (after.position_m, after.velocity_m_s));
+    }
+}
+
 /// Actions on a body are those on its particles: a push above the centre of mass turns it, a held part holds the whole.
 #[test]
 fn actions_move_bodies() {

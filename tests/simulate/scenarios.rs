@@ -1,6 +1,6 @@
 use gprop::simulate::action::Effect;
 use gprop::simulate::mpm::particles::{IDENTITY, Particle};
-use gprop::simulate::script::{KNOWN, Script, Standing, named};
+use gprop::simulate::script::{KNOWN, Script, Standing, is_name, named};
 use gprop::simulate::{Options, SimulateError, script_of};
 
 /// A column of ten particles; the lower five are a foot, the others a seat.
@@ -92,6 +92,8 @@ fn parts_are_found_by_words_of_their_caption() {
     assert_eq!(held(["foot", "rim above the foot"], "foot").unwrap(), LABELS.map(|l| l == 0));
     assert_eq!(held(["tapered front leg", "seat of glass"], "legs").unwrap(), LABELS.map(|l| l == 0));
     assert!(held(mug, "hand").is_err() && held(mug, ";").is_err());
+    let can = ["Ölkännchen", "Deckel am Ölkännchen"];
+    assert_eq!(held(can, "ÖLKÄNNCHEN").unwrap(), LABELS.map(|l| l == 0));
 }
 
 /// The topmost particle is a stray, far above the others: the upper third is that of the others, and the stray belongs to
@@ -130,6 +132,13 @@ fn wrong_names_are_refused_with_what_there_is() {
     {
         assert!(why(Script::from_toml(&format!("[[step]]\non = \"all\"\n{wrong}"))).contains("step 1"), "{wrong}");
     }
+    for [from, to] in [["0.5", "0.2"], ["2.0", "3.0"], ["-2.0", "-1.0"]] {
+        let text = format!("[[step]]\non = \"all\"\ndo = \"hold\"\nfrom = {from}\nto = {to}");
+        assert!(why(Script::from_toml(&text)).contains("step 1 never acts"), "{from} to {to}");
+    }
+    assert!(why(named("poke", &["lasts=-1".to_owned()])).contains("never acts"));
+    assert!(named("release", &["after=0".to_owned()]).is_ok());
+    assert!(!is_name("Push.TOML") && is_name("push"));
     let (scenario, set) = ("examples/push.toml".to_owned(), vec!["force=2".to_owned()]);
     let of_file = script_of(&Options { scenario, set, ..Options::default() }).unwrap_err().to_string();
     assert!(of_file.contains("--set") && of_file.contains("`examples/push.toml` is a file"), "{of_file}");

@@ -8,7 +8,7 @@ use gprop::render::sh_color;
 use gprop::scene::gaussians::Gaussians;
 use gprop::simulate::animation::{Film, Shooting, Viewpoint};
 use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
-use gprop::simulate::filling::{FillPoint, fill};
+use gprop::simulate::filling::{Body, FillPoint, fill};
 use gprop::simulate::material::{Material, Soften};
 use gprop::simulate::rigid::choice::{HARDLY_VISIBLE, INVISIBLE, Load, Reason, choose};
 use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate, simulated};
@@ -252,9 +252,11 @@ fn the_user_chooses_what_is_rigid() {
     assert_eq!(names(rigid(&["head", "oak"]).unwrap()), ["handle", "head"]);
     let mut pot = bar.materials.clone();
     (pot[0].caption, pot[1].caption) = ("lid".to_owned(), "lid knob".to_owned());
+    let body = |label: u32| Body { position_m: [f64::from(label), 0.0, 0.0], label, volume_m3: 1e-3, backed: true };
+    let bodies = [0, 1].map(body);
     let chosen = |word: &str| {
         let load = Load::new(0.0, 9.8, 0.4, &[]);
-        let reasons = choose(&[word.to_owned()], &load, &pot, (&[], 0.025), INVISIBLE).unwrap().reasons;
+        let reasons = choose(&[word.to_owned()], &load, &pot, (&bodies, 0.025), INVISIBLE).unwrap().reasons;
         reasons.iter().map(Option::is_some).collect::<Vec<_>>()
     };
     // The exact name of a part means no other part.
@@ -263,6 +265,8 @@ fn the_user_chooses_what_is_rigid() {
         [vec![true, false], vec![true, true], vec![false, true]]
     );
     assert!(rigid(&["never"]).unwrap().rigid.is_empty());
+    let why = rigid(&["auto", "head"]).unwrap_err().to_string();
+    assert!(why.contains("--rigid auto has to be given alone"), "{why}");
     let why = rigid(&["lid"]).unwrap_err().to_string();
     assert!(why.contains("`lid`") && why.contains("`handle`, `head`"), "{why}");
     // One end is pulled away from the other.
@@ -403,6 +407,98 @@ fn resumes(bar: &Bar, options: &dyn Fn() -> Options) {
     for cut in [0, 7, 40, 60, saved.len() - 1] {
         assert!(matches!(Checkpoint::from_bytes(&saved[..cut]), Err(SimulateError::Checkpoint(_))), "cut at {cut}");
     }
+}
+
+/// A checkpoint whose numbers were changed: a particle with a law that does not exist, a particle and a rigid body far
+/// outside the domain.
+#[test]
+fn a_checkpoint_with_a_damaged_state_is_refused() {
+    const PARTICLE_BYTES: usize = 4 * 42;
+    let bar = Bar::new();
+    let short = |options: Options| Options { frames: 2, duration: Some(1e-3), ..options };
+    let refused = |options: Options, damage: &dyn Fn(&mut [u8])| {
+        let mut saved: Vec<u8> = Vec::new();
+        let mut keep = |_: &Frame, snapshot: &Snapshot| {
+            saved.clear();
+            snapshot.write(&mut saved)?;
+            Ok::<_, anyhow::Error>(())
+        };
+        simulate(&bar.input(), &options, None, &mut keep, Progress::Hidden).unwrap();
+        damage(&mut saved);
+        let checkpoint = Checkpoint::from_bytes(&saved).unwrap();
+        match simulate(&bar.input(), &options, Some(checkpoint), &mut |_, _| Ok(()), Progress::Hidden) {
+            Err(SimulateError::Checkpoint(why)) => why,
+            other => panic!("{other:?}"),
+        }
+    };
+    let law = |bytes: &mut [u8]| *bytes.last_chunk_mut().unwrap() = u32::MAX.to_le_bytes();
+    assert!(refused(short(options()), &law).contains("particles"));
+    let position = |bytes: &mut [u8]| {
+        let last = bytes.len() - PARTICLE_BYTES;
+        bytes[last..last + 4].copy_from_slice(&1e30_f32.to_le_bytes());
+    };
+    assert!(refused(short(options()), &position).contains("particles"));
+    // Magic, version and identity; the record with its length; how many numbers follow; the body's centre of mass.
+    let center = |bytes: &mut [u8]| {
+        let record = u64::from_le_bytes(bytes[44..52].try_into().unwrap()) as usize;
+        let first = 52 + record + 8;
+        bytes[first..first + 8].copy_from_slice(&1e30_f64.to_le_bytes());
+    };
+    assert!(refused(short(true_stiffness()), &center).contains("rigid bodies"));
+}
+
+/// The field may have a part of which nothing is simulated, because all of its Gaussians were set aside.
+#[test]
+fn nothing_acts_on_a_part_that_is_not_simulated() {
+    let mut bar = Bar::new();
+    let lid = Material { name: "cork".to_owned(), caption: "lid".to_owned(), ..bar.materials[0].clone() };
+    bar.materials.push(lid);
+    let short = || Options { duration: Some(0.01), frames: 2, ..true_stiffness() };
+    let anchored = Options { anchor: vec!["lid".to_owned()], ..short() };
+    match simulate(&bar.input(), &anchored, None, &mut |_, _| Ok(()), Progress::Hidden) {
+        Err(SimulateError::Part { part, names }) => {
+            assert_eq!((part.as_str(), names.as_str()), ("lid", "handle`, `head`, `lead`, `oak"));
+        }
+        other => panic!("{other:?}"),
+    }
+    let stiffened = Options { rigid: vec!["lid".to_owned()], ..short() };
+    match simulate(&bar.input(), &stiffened, None, &mut |_, _| Ok(()), Progress::Hidden) {
+        Err(SimulateError::Rigid { part, names }) => {
+            assert_eq!((part.as_str(), names.as_str()), ("lid", "handle`, `head`, `lead`, `oak"));
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A rigid body that turns so fast that its steps are far below the rounding of the time, or that a frame would take a
+/// trillion of them.
+#[test]
+fn time_that_stands_still_or_crawls_stops_the_run() {
+    let bar = Bar::new();
+    for (rate, least_m_s) in [("1e20", 1e18), ("1e13", 1e11)] {
+        let spun = Options {
+            scenario: "twist".to_owned(),
+            set: vec![format!("rate={rate}")],
+            rigid: vec!["handle".to_owned(), "head".to_owned()],
+            max_simulation_minutes: 0.001,
+            ..true_stiffness()
+        };
+        match simulate(&bar.input(), &spun, None, &mut |_, _| Ok(()), Progress::Hidden) {
+            Err(SimulateError::TooFast { speed_m_s, frame, .. }) => {
+                assert!(speed_m_s > least_m_s && frame == 1, "{rate} rad/s: {speed_m_s} m/s");
+            }
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn a_material_of_unknown_inside_is_named_once() {
+    let mut bar = Bar::new();
+    bar.materials[1].name = "oak".to_owned();
+    let bare = Input { interior: &[], ..bar.input() };
+    let report = run(&bare, &Options { frames: 2, duration: Some(1e-3), ..options() }).1;
+    assert!(report.warnings.iter().any(|warning| warning.contains("the inside of oak: only")), "{:?}", report.warnings);
 }
 
 /// Parts keep their volume, solids are filled, and parts whose inside is unknown count as full.

@@ -5,6 +5,8 @@
 //! threshold, and a ray along one direction enters it an odd number of times. Directions 0 to 5: x, -x, y, -y, z, -z.
 //! New particles lie at random positions in their cells; the random numbers differ from the peer's.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, Vector3};
 
 use super::config::Filling;
@@ -65,20 +67,12 @@ pub fn fill(blobs: &[Blob], cells: usize, dx: f32, filling: &Filling) -> Result<
 fn fill_grid(blobs: &[Blob], cells: usize, dx: f32, filling: &Filling) -> Result<Filled, SimulateError> {
     let (counts, density) = densified(blobs, cells, dx);
     let most = filling.max_partciels_per_cell;
-    let mut random = fastrand::Rng::with_seed(SEED);
-    let mut added = Vec::new();
-    let place = |cell: usize, random: &mut fastrand::Rng| {
-        let corner = [cell / cells / cells, cell / cells % cells, cell % cells];
-        Vector3::from(corner.map(|i| (i as f32 + random.f32()) * dx))
-    };
     let mut counts_dense = counts.clone();
-    for (cell, count) in counts_dense.iter_mut().enumerate() {
-        if density[cell] > filling.density_threshold && *count < most {
-            added.extend((*count..most).map(|_| place(cell, &mut random)));
-            *count = most;
+    for (count, density) in counts_dense.iter_mut().zip(&density) {
+        if *density > filling.density_threshold {
+            *count = most.max(*count);
         }
     }
-    let added_dense = added.len();
     let density_used = if filling.smooth {
         let inside: Vec<bool> = density.iter().map(|d| *d > 0.0).collect();
         smoothing::smooth(&inside, cells).into_iter().map(|d| d as f32).collect()
@@ -90,17 +84,37 @@ fn fill_grid(blobs: &[Blob], cells: usize, dx: f32, filling: &Filling) -> Result
     for cell in (0..counts_inside.len()).filter(|&cell| counts_dense[cell] == 0) {
         let closed = (0..6).filter(|d| *d != filling.search_exclude_direction).all(|d| rays.hits(cell, d));
         if closed && rays.entries(cell, filling.ray_cast_direction) % 2 == 1 {
-            added.extend((0..most).map(|_| place(cell, &mut random)));
             counts_inside[cell] = most;
         }
     }
-    if added.len() > filling.max_particles_num {
+    // Counted before any of them is placed: the configuration may ask for more than fit into memory.
+    let steps = [(&counts, &counts_dense), (&counts_dense, &counts_inside)];
+    let [added_dense, added_inside] =
+        steps.map(|(before, after)| missing(before, after).map(|numbers| numbers.len()).sum::<usize>());
+    if added_dense + added_inside > filling.max_particles_num {
         return Err(SimulateError::Configuration(format!(
             "the filling adds {} particles, more than `max_particles_num`; raise it or `search_threshold`",
-            added.len()
+            added_dense + added_inside
         )));
     }
+    let mut random = fastrand::Rng::with_seed(SEED);
+    let mut place = |cell: usize| {
+        let corner = [cell / cells / cells, cell / cells % cells, cell % cells];
+        Vector3::from(corner.map(|i| (i as f32 + random.f32()) * dx))
+    };
+    let mut added = Vec::with_capacity(added_dense + added_inside);
+    for (before, after) in steps {
+        for (cell, numbers) in missing(before, after).enumerate() {
+            added.extend(numbers.map(|_| place(cell)));
+        }
+    }
     Ok(Filled { counts, counts_dense, counts_inside, density, density_used, added_dense, added })
+}
+
+/// For each cell, the numbers of the particles that it lacks, if it has as many as `before` and should have as many as
+/// `after`.
+fn missing(before: &[i32], after: &[i32]) -> impl Iterator<Item = Range<i32>> {
+    before.iter().zip(after).map(|(before, after)| *before..*after)
 }
 
 /// Particles in each cell, and the density: the sum over all Gaussians of opacity times the mean of the Gaussian over

@@ -79,8 +79,12 @@ pub fn set_up(gaussians: &Gaussians, config: &Config, estimated: Option<&Estimat
             carried.push(i);
         }
     }
-    if carried.is_empty() {
+    if gaussians.is_empty() {
         return Err(SimulateError::NoParticles);
+    }
+    if carried.is_empty() {
+        let problem = "no Gaussian of the scene lies in `sim_area` and has an opacity above `opacity_threshold`";
+        return Err(SimulateError::Configuration(problem.to_owned()));
     }
     let longest = (high - low).max();
     if longest <= 0.0 {

@@ -157,9 +157,9 @@ impl Solver {
     /// # Errors
     /// [`Lost`] for the first particle of which this is not true.
     pub fn check(&self) -> Result<(), Lost> {
-        let (low, high) = (0.5 * self.dx, (self.cells as f32 - 1.5) * self.dx);
-        let inside =
-            |p: &Particle| p.position.iter().all(|x| low <= *x && *x < high) && p.trial.iter().all(|x| x.is_finite());
+        // Rounded as in `Stencil::at`.
+        let on_grid = |x: &f32| (0.0..self.cells as f32 - 2.0).contains(&(x * self.per_dx - 0.5));
+        let inside = |p: &Particle| p.position.iter().all(on_grid) && p.trial.iter().all(|x| x.is_finite());
         match self.particles.iter().position(|p| !inside(p)) {
             Some(particle) => Err(Lost { particle, time: self.time }),
             None => Ok(()),

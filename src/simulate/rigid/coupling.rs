@@ -200,6 +200,10 @@ pub fn join(
                 let mass_kg = heavy(*body, *mass_kg);
                 (momentum + free(*body as usize, &arm(*body)) * mass_kg, sum + mass_kg)
             });
+            // All that reach the node do so with a weight of zero.
+            if sum.1 == 0.0 {
+                continue;
+            }
             let mean = sum.0 / sum.1;
             for (body, mass_kg) in all {
                 let push = (mean - free(body as usize, &arm(body))) * mass_kg;

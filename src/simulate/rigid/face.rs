@@ -3,6 +3,8 @@
 use nalgebra::Vector3;
 use rayon::prelude::*;
 
+use crate::numeric::sphere_directions;
+
 /// Directions in which a part's outermost points are looked up, spread evenly: two neighbours are at most 0.08 rad
 /// apart, so that the lowest point is missed by at most 0.04^2 / 2 of the distance between points, below the share of
 /// the size that is visible.
@@ -26,8 +28,8 @@ pub struct Face {
 impl Face {
     /// The outermost of `points_m`, given in the simulation's frame.
     pub fn new(part: u32, points_m: &[Vector3<f64>], plane_modulus_pa: f64, least_area_m2: f64) -> Self {
-        let mut outermost: Vec<usize> =
-            (0..DIRECTIONS).into_par_iter().filter_map(|n| farthest(points_m, &evenly_spread(n))).collect();
+        let directions: Vec<Vector3<f64>> = sphere_directions(DIRECTIONS).collect();
+        let mut outermost: Vec<usize> = directions.par_iter().filter_map(|along| farthest(points_m, along)).collect();
         outermost.sort_unstable();
         outermost.dedup();
         let points_m = outermost.into_iter().map(|i| points_m[i]).collect();
@@ -39,15 +41,6 @@ impl Face {
         self.points_m.iter_mut().for_each(|p| *p -= center_m);
         self
     }
-}
-
-/// The `n`th of [`DIRECTIONS`] on a spiral around the sphere in steps of the golden angle.
-fn evenly_spread(n: usize) -> Vector3<f64> {
-    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-    let z = 1.0 - (2.0 * n as f64 + 1.0) / DIRECTIONS as f64;
-    let (sin, cos) = (golden * n as f64).sin_cos();
-    let radius = (1.0 - z * z).sqrt();
-    Vector3::new(radius * cos, radius * sin, z)
 }
 
 fn farthest(points: &[Vector3<f64>], direction: &Vector3<f64>) -> Option<usize> {

@@ -61,6 +61,11 @@ pub struct Lost {
     pub velocity_m_s: [f32; 3],
 }
 
+/// Whether a position lies between the corners of the domain; false if it is not a number.
+pub fn is_within([low, high]: [[f32; 3]; 2], position_m: [f32; 3]) -> bool {
+    (0..3).all(|a| low[a] < position_m[a] && position_m[a] < high[a])
+}
+
 /// The particles, their grid, and the substep.
 pub struct Solver {
     setting: Setting,
@@ -255,8 +260,7 @@ impl Solver {
     }
 
     fn lost_in(&self, pack: usize) -> Lost {
-        let [low, high] = self.setting.domain_m;
-        let outside = |p: &Particle| (0..3).any(|a| !(low[a] < p.position_m[a] && p.position_m[a] < high[a]));
+        let outside = |p: &Particle| !is_within(self.setting.domain_m, p.position_m);
         let pack = &self.sorted.packs[pack];
         let (id, particle) =
             pack.particles().find(|(_, p)| outside(p)).unwrap_or_else(|| (pack.id[0], pack.particle(0)));
