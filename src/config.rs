@@ -8,6 +8,7 @@
 //! its options the [keys that a scene may set](SceneKey), and any other key is refused. Paths are relative to the file
 //! that names them; those of a scene must stay inside its folder.
 
+use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
@@ -45,6 +46,11 @@ pub enum ConfigError {
     OutsideScene { path: PathBuf, line: usize, key: String, flag: String, leads_to: PathBuf },
     #[error("{path:?} line {line}: `{key}` takes a string, a number, true, false or a list of these")]
     BadValue { path: PathBuf, line: usize, key: String },
+    #[error(
+        "{path:?} line {line}: `{key}` is already set on line {earlier}; tables only group keys, and `_` means the same as \
+         `-`, so set it only once"
+    )]
+    Twice { path: PathBuf, line: usize, key: String, earlier: usize },
     #[error(
         "{path:?}: the last run had {flag}, which gprop does not take from a scene's work folder, because that may come from \
          anyone; give --{name} again, name the work folder with {option}, or start afresh with `gprop run`"
@@ -216,7 +222,7 @@ pub fn flags_in(text: &str, path: &Path, owner: Owner, known: &[Flag]) -> Result
         message: error.message().to_owned(),
     })?;
     let mut flags = Vec::new();
-    Reader { path, text, owner, known }.collect(table.get_ref(), &mut flags)?;
+    Reader { path, text, owner, known }.collect(table.get_ref(), &mut flags, &mut BTreeMap::new())?;
     Ok(flags)
 }
 
@@ -228,10 +234,16 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    fn collect(&self, table: &DeTable, flags: &mut Vec<OsString>) -> Result<(), ConfigError> {
+    /// Adds the flags of a table; `lines` has the line of each key so far, by the name of its flag.
+    fn collect(
+        &self,
+        table: &DeTable,
+        flags: &mut Vec<OsString>,
+        lines: &mut BTreeMap<String, usize>,
+    ) -> Result<(), ConfigError> {
         for (key, value) in table {
             if let DeValue::Table(group) = value.get_ref() {
-                self.collect(group, flags)?;
+                self.collect(group, flags, lines)?;
                 continue;
             }
             let name = key.get_ref().replace('_', "-");
@@ -242,6 +254,11 @@ impl Reader<'_> {
             if self.owner == Owner::Scene && flag.scene.is_none() {
                 let (path, key) = (self.path.to_owned(), key.get_ref().to_string());
                 return Err(ConfigError::NotForScenes { path, line, key, flag: name });
+            }
+            // A table's keys come in the order of their names.
+            if let Some(other) = lines.insert(name.clone(), line) {
+                let (path, earlier) = (self.path.to_owned(), line.min(other));
+                return Err(ConfigError::Twice { path, line: line.max(other), key: name, earlier });
             }
             let bad_value =
                 || ConfigError::BadValue { path: self.path.to_owned(), line, key: key.get_ref().to_string() };
@@ -392,6 +409,8 @@ mod tests {
             ("\nviewz = 5", "line 2: unknown key `viewz`"),
             ("turntable = 3", "line 1: `turntable` takes"),
             ("views = 1979-05-27", "line 1: `views` takes"),
+            ("views = 5\n[scene]\nviews = 7", "line 3: `views` is already set on line 1"),
+            ("view_list = \"a\"\nview-list = \"b\"", "line 2: `view-list` is already set on line 1"),
             ("views = ", "line 1: "),
             ("\n[setup]\nort_lib = \"lib.so\"", "line 3: a scene may not set `ort_lib`"),
             ("images = \"/photos\"", "line 1: `images` leads out of the scene folder, to \"/photos\""),

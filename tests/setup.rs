@@ -177,6 +177,10 @@ fn a_file_that_is_no_onnx_runtime_is_told_apart() {
     let old = build_library(machine.folder.path(), "old", OLD_ONNXRUNTIME);
     assert_says(&machine.failure(&with(&old)), &["ONNX Runtime 1.19.2, too old", "1.20"]);
     assert_says(&machine.failure(&with(machine.folder.path())), &["is not a file"]);
+    // Opening it would wait for somebody who writes to it.
+    let pipe = machine.folder.path().join("pipe.so");
+    assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
+    assert_says(&machine.failure(&with(&pipe)), &["pipe.so", "is not a file"]);
 }
 
 /// The part of ONNX Runtime's interface that tells its version.
@@ -212,6 +216,12 @@ fn doctor_names_what_is_there_without_fetching() {
         &doctor.to_string(),
         &["--ort-lib, then ORT_DYLIB_PATH, then the Python environment of gprop's wheel, then the cache"],
     );
+
+    let mut homeless = Machine::new();
+    homeless.environment.cache = None;
+    let doctor = doctor_in(&Options::default(), &homeless.environment);
+    assert_eq!(doctor.problems.len(), 1, "one thing is wrong: {:?}", doctor.problems);
+    assert_says(&doctor.problems[0], &["neither XDG_CACHE_HOME nor HOME is set"]);
 
     let Some(files) = support::models("doctor_names_what_is_there_without_fetching") else { return };
     let options = Options {

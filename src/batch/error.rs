@@ -16,6 +16,11 @@ pub enum BatchError {
     Filter { given: String, problem: String },
     #[error("none of the {} is left after --split, --filter, --start and --end", counted(*.listed, "scene"))]
     NothingSelected { listed: usize },
+    #[error(
+        "the scene `batch` would have its work folder at {folder:?}, where the batch keeps its own files; rename the \
+         scene's folder, or leave out --out"
+    )]
+    Reserved { folder: PathBuf },
     #[error("{given}: {problem}")]
     Shard { given: String, problem: String },
     #[error("cannot determine how much memory is free; set the limit for the batch with --memory GB")]

@@ -1,7 +1,7 @@
 //! The outcomes of the scenes on disk: one file per shard with one line per scene, sorted by scene. A shard's file is
 //! replaced as a whole each time a scene ends, so it is never half-written; no two shards write the same file.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
 use std::path::{Path, PathBuf};
 
@@ -83,59 +83,70 @@ fn temporary_prefix(path: &Path) -> String {
     format!("{TEMPORARY}{}-", path.file_name().expect("a shard's file has a name").to_string_lossy())
 }
 
-/// Every outcome in `folder` with its shard, in the order of shards and scenes.
-pub fn all(folder: &Path) -> Result<Vec<(Shard, Outcome)>, BatchError> {
-    let mut files: Vec<(Shard, PathBuf)> = Vec::new();
-    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
-        if let Some(shard) = Shard::of_file_name(&entry.file_name().to_string_lossy()) {
-            files.push((shard, entry.path()));
-        }
-    }
-    files.sort();
-    let mut found = Vec::new();
-    for (shard, path) in files {
-        found.extend(read(&path)?.into_iter().map(|outcome| (shard, outcome)));
-    }
-    Ok(found)
+/// The outcomes in the files of all shards.
+#[derive(Debug, Default)]
+pub struct Known {
+    /// By scene, each in the order of the shards.
+    outcomes: BTreeMap<String, Vec<Outcome>>,
+    /// The numbers of shards into which the scenes were divided.
+    divisions: BTreeSet<usize>,
 }
 
-/// Checks that there are outcomes `known` from `folder` and that all are of one division into shards.
-pub fn require_one_division(folder: &Path, known: &[(Shard, Outcome)]) -> Result<(), BatchError> {
-    let mut divisions: Vec<usize> = known.iter().map(|(shard, _)| shard.of).collect();
-    divisions.sort_unstable();
-    divisions.dedup();
-    match divisions[..] {
-        [_] => Ok(()),
-        [] => Err(BatchError::NothingToMerge { folder: folder.to_owned() }),
-        _ => {
-            let names: Vec<String> = divisions.iter().map(|of| format!("{of} (shard-*-of-{of}.jsonl)")).collect();
-            Err(BatchError::MixedShards { folder: folder.to_owned(), divisions: names.join(" and ") })
+impl Known {
+    /// Reads the files of all shards in `folder`.
+    pub fn read(folder: &Path) -> Result<Self, BatchError> {
+        let mut files: Vec<(Shard, PathBuf)> = Vec::new();
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            if let Some(shard) = Shard::of_file_name(&entry.file_name().to_string_lossy()) {
+                files.push((shard, entry.path()));
+            }
         }
+        files.sort();
+        let mut known = Self::default();
+        for (shard, path) in files {
+            for outcome in read(&path)? {
+                known.divisions.insert(shard.of);
+                known.outcomes.entry(outcome.scene.clone()).or_default().push(outcome);
+            }
+        }
+        Ok(known)
+    }
+
+    /// Checks that there are outcomes from `folder` and that all are of one division into shards.
+    pub fn require_one_division(&self, folder: &Path) -> Result<(), BatchError> {
+        match self.divisions.len() {
+            1 => Ok(()),
+            0 => Err(BatchError::NothingToMerge { folder: folder.to_owned() }),
+            _ => {
+                let names: Vec<String> =
+                    self.divisions.iter().map(|of| format!("{of} (shard-*-of-{of}.jsonl)")).collect();
+                Err(BatchError::MixedShards { folder: folder.to_owned(), divisions: names.join(" and ") })
+            }
+        }
+    }
+
+    /// The outcome of `scene` for the current task, whichever shard the scene was in; a done outcome takes precedence
+    /// over a failed one.
+    pub fn of(&self, scene: &Selected, key: &str) -> Option<Outcome> {
+        let with = |state: State| {
+            let mut matching = self.outcomes.get(&scene.name)?.iter().filter(|outcome| outcome.key == key);
+            matching.find(|outcome| outcome.state == state)
+        };
+        with(State::Done).or_else(|| with(State::Failed)).map(|outcome| found_at(scene, outcome))
+    }
+
+    /// The outcome of `scene` to merge: that for the current task if there is one. Shards that were run with other
+    /// options can be merged too.
+    pub fn of_any_task(&self, scene: &Selected, key: &str) -> Option<Outcome> {
+        let any = || Some(found_at(scene, self.outcomes.get(&scene.name)?.last()?));
+        self.of(scene, key).or_else(any)
     }
 }
 
-/// The outcome of `scene` for the current task, whichever shard the scene was in; a done outcome takes precedence over
-/// a failed one.
-pub fn of<'a>(scene: &Selected, key: &str, known: &'a [(Shard, Outcome)]) -> Option<&'a Outcome> {
-    let matching = known.iter().map(|(_, outcome)| outcome);
-    let matching =
-        matching.filter(|outcome| outcome.scene == scene.name && outcome.key == key && outcome.work == scene.work);
-    let (mut done, mut failed) = (None, None);
-    for outcome in matching {
-        match outcome.state {
-            State::Done => done = done.or(Some(outcome)),
-            State::Failed => failed = failed.or(Some(outcome)),
-            State::Skipped => {}
-        }
-    }
-    done.or(failed)
-}
-
-/// The outcome of `scene` to merge: that for the current task if there is one. Shards that were run with other options
-/// can be merged too.
-pub fn of_any_task<'a>(scene: &Selected, key: &str, known: &'a [(Shard, Outcome)]) -> Option<&'a Outcome> {
-    let any = || known.iter().rev().map(|(_, outcome)| outcome).find(|outcome| outcome.scene == scene.name);
-    of(scene, key, known).or_else(any)
+/// The outcome with the scene's work folder as it is called now: since then, the results may have been moved, or the
+/// batch was started elsewhere and called the folder by another path.
+fn found_at(scene: &Selected, outcome: &Outcome) -> Outcome {
+    Outcome { work: scene.work.clone(), ..outcome.clone() }
 }
 
 fn read(path: &Path) -> Result<Vec<Outcome>, BatchError> {

@@ -42,6 +42,7 @@ pub use select::Selected;
 pub use shard::Shard;
 pub use summary::Summary;
 
+use ledger::Known;
 use memory::Budget;
 use scheduler::Scheduler;
 
@@ -186,8 +187,8 @@ impl Batch {
 
     /// The scenes of this shard with their status so far.
     pub fn standing(&self) -> anyhow::Result<Vec<(&Selected, Standing)>> {
-        let known = ledger::all(&self.home())?;
-        Ok(self.scenes().map(|scene| (scene, self.standing_of(scene, &known))).collect())
+        let known = Known::read(&self.home())?;
+        Ok(self.scenes().map(|scene| (scene, self.standing_of(scene, &known).0)).collect())
     }
 
     /// Estimated memory that a scene needs, in bytes.
@@ -203,19 +204,18 @@ impl Batch {
     pub fn run(&self, tell: &mut dyn FnMut(&Outcome)) -> anyhow::Result<Summary> {
         let mut ledger = Ledger::open(&self.home(), self.shard)?;
         self.skipped().for_each(|outcome| tell(&outcome));
-        let known = ledger::all(&self.home())?;
+        let known = Known::read(&self.home())?;
         let mut open = Vec::new();
         let mut kept = Vec::new();
         for scene in self.scenes() {
-            match self.standing_of(scene, &known) {
-                Standing::Failed if !self.options.retry_failed => {
-                    kept.push(ledger::of(scene, &self.key(scene), &known));
-                }
-                Standing::Done => kept.push(ledger::of(scene, &self.key(scene), &known)),
-                _ => open.push(scene),
+            let (standing, outcome) = self.standing_of(scene, &known);
+            match standing {
+                Standing::Failed if self.options.retry_failed => open.push(scene),
+                Standing::Done | Standing::Failed => kept.extend(outcome),
+                Standing::ToDo => open.push(scene),
             }
         }
-        ledger.replace(self.scenes(), kept.into_iter().flatten().cloned())?;
+        ledger.replace(self.scenes(), kept.into_iter())?;
         self.scheduler(self.to)?.run(&open, &|scene| self.key(scene), &mut |outcome| {
             ledger.put(outcome.clone())?;
             tell(&outcome);
@@ -233,10 +233,11 @@ impl Batch {
     /// # Errors
     /// If there are no files, or they belong to different divisions into shards, or cannot be read or written.
     pub fn merge(&self) -> anyhow::Result<Summary> {
-        let known = ledger::all(&self.home())?;
-        ledger::require_one_division(&self.home(), &known)?;
-        let outcome = |scene| ledger::of_any_task(scene, &self.key(scene), &known);
-        let summary = Summary::new(self.all.iter(), self.all.iter().filter_map(outcome), self.skipped());
+        let known = Known::read(&self.home())?;
+        known.require_one_division(&self.home())?;
+        let outcome = |scene: &Selected| known.of_any_task(scene, &self.key(scene));
+        let outcomes: Vec<Outcome> = self.all.iter().filter_map(outcome).collect();
+        let summary = Summary::new(self.all.iter(), outcomes.iter(), self.skipped());
         self.save(&summary)?;
         Ok(summary)
     }
@@ -268,21 +269,26 @@ impl Batch {
         (self.threads / self.jobs()).max(1)
     }
 
-    fn standing_of(&self, scene: &Selected, known: &[(Shard, Outcome)]) -> Standing {
+    /// The status of a scene so far, and the outcome from which it follows.
+    fn standing_of(&self, scene: &Selected, known: &Known) -> (Standing, Option<Outcome>) {
         if self.from.is_some() {
-            return Standing::ToDo;
+            return (Standing::ToDo, None);
         }
-        match ledger::of(scene, &self.key(scene), known).map(|outcome| outcome.state) {
+        let outcome = known.of(scene, &self.key(scene));
+        let standing = match outcome.as_ref().map(|outcome| outcome.state) {
             Some(State::Done) if scene.work.join(workdir::Artifact::Run.path()).is_file() => Standing::Done,
             Some(State::Failed) => Standing::Failed,
             _ => Standing::ToDo,
-        }
+        };
+        (standing, outcome)
     }
 
     /// Hash of the task and of those properties of the scene that can be checked without opening it. An outcome with
-    /// another key does not count as this scene's.
+    /// another key does not count as this scene's. Whether `--out` is given counts, because with `--out DATA/gprop` the
+    /// batch's folder is the default one, but the work folders are others; the path itself may be written in many ways.
     fn key(&self, scene: &Selected) -> String {
         let mut hasher = Hasher::new("batch").with_json(&self.to).with(&scene.bytes.to_le_bytes());
+        hasher = hasher.with(&[u8::from(self.out.is_some())]);
         for flag in &self.flags {
             hasher = hasher.with(flag.as_encoded_bytes());
         }

@@ -116,9 +116,13 @@ impl Outcome {
         }
     }
 
-    /// The outcome of a scene that had to be stopped, with the reason.
+    /// The outcome of a scene that had to be stopped, with the reason. One that was done by then stays done.
     pub fn stopped(scene: &str, work: &Path, key: String, ended: &Ended, why: String) -> Self {
-        Self { error: Some(why), ..Self::of(scene, work, key, ended) }
+        let outcome = Self::of(scene, work, key, ended);
+        match outcome.state {
+            State::Done => outcome,
+            State::Failed | State::Skipped => Self { error: Some(why), ..outcome },
+        }
     }
 }
 
@@ -180,6 +184,18 @@ mod tests {
     use std::os::unix::process::ExitStatusExt;
 
     use super::*;
+
+    #[test]
+    fn a_scene_that_ended_by_itself_before_it_was_killed_is_done() {
+        let stopped = |status: i32| {
+            let status = ExitStatus::from_raw(status);
+            let ended = Ended { status, stderr: String::new(), seconds: 1.0, peak_memory_bytes: 1 };
+            let outcome = Outcome::stopped("a", Path::new("no such folder"), String::new(), &ended, "slow".to_owned());
+            (outcome.state, outcome.error)
+        };
+        assert_eq!(stopped(0), (State::Done, None));
+        assert_eq!(stopped(9), (State::Failed, Some("slow".to_owned())));
+    }
 
     #[test]
     fn the_last_error_counts_with_all_its_lines() {

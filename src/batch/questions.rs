@@ -12,10 +12,11 @@ use crate::pipeline::query_session::{self, QuerySession};
 use crate::pipeline::{self, Collected, Pipeline, Plan, Sent, Stage, check_submission};
 use crate::progress::Progress;
 use crate::query::asker::Asker;
-use crate::query::batch_api::{self as api, Answered, Submitted, Waiting};
+use crate::query::batch_api::{self as api, Answered, Request, Submitted, Waiting};
 use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::cost::Cost;
-use crate::query::{self, AnswerSource, Queries, QueryError};
+use crate::query::recorded::Recording;
+use crate::query::{self, AnswerSource, Queries, QueryError, Sha256Hex};
 use crate::workdir;
 
 use super::select::Selected;
@@ -65,39 +66,42 @@ impl<'a> Questions<'a> {
 
     /// Segments all scenes and sends the questions that are neither recorded nor in progress. The first question is
     /// asked at once: a wrong key or model then shows immediately and not a day later. The cost of all questions is
-    /// added up beforehand.
+    /// added up beforehand. A question that several scenes have is sent once, and its answer is recorded for each.
     pub fn submit(&self) -> Result<(Sent, Failures)> {
         api::check_may_send(self.answers)?;
         self.client.ready().map_err(QueryError::BatchApi)?;
         let mut submitted = self.submitted()?;
         let waiting = submitted.jobs.iter().map(|job| job.waiting.len()).sum();
         let (scenes, mut failures) = self.segmented()?;
-        let under_way = submitted.clone();
-        let (pictures, now, later) = self.open(&scenes, &under_way);
+        let mut taken = submitted.keys();
+        let (pictures, now, later) = self.open(&scenes, taken.clone());
+        let mut first = None;
         if pictures > 0 {
             check_submission(&now.plus(later), &self.budget, self.client.answerer())?;
             self.client.announce_submission(pictures, &now.plus(later));
-            self.ask_first(&scenes, &under_way)?;
+            first = self.ask_first(&scenes, &taken)?;
             check_submission(&later, &self.budget, self.client.answerer())?;
         }
+        let mut shared = Vec::new();
         let gather = |scene: &&Selected| {
-            let gathered = self.with_session(scene, |session, queries| {
-                Ok(session.requests(&self.client, queries, &under_way, &scene.name))
-            });
-            gathered.unwrap_or_else(|error| {
+            let open = self.requests(scene, first.as_ref()).unwrap_or_else(|error| {
                 failures.push((scene.name.clone(), error::message(&error)));
                 Vec::new()
-            })
+            });
+            let is_new = |request: &Request| taken.insert(request.waiting.key.clone());
+            let (new, known): (Vec<Request>, Vec<Request>) = open.into_iter().partition(is_new);
+            shared.extend(known.into_iter().map(|request| request.waiting));
+            new
         };
-        // Two scenes may have the same question; a job takes each question once.
-        let mut seen = BTreeSet::new();
-        let requests = scenes.iter().flat_map(gather).filter(|request| seen.insert(request.waiting.key.clone()));
         let mut sent = 0;
-        api::submit(&self.client, requests, |job| -> Result<()> {
+        api::submit(&self.client, scenes.iter().flat_map(gather), |job| -> Result<()> {
             sent += job.waiting.len();
             submitted.jobs.push(job);
             self.save(&submitted)
         })?;
+        if submitted.share(shared) {
+            self.save(&submitted)?;
+        }
         Ok((Sent { sent, waiting }, failures))
     }
 
@@ -160,40 +164,53 @@ impl<'a> Questions<'a> {
         Ok((all.into_iter().filter(|scene| !failed(scene)).collect(), failures))
     }
 
-    /// Asks the first open question of the first scene that has one.
-    fn ask_first(&self, scenes: &[&Selected], under_way: &Submitted) -> Result<()> {
+    /// Asks the first open question of the first scene that has one. Returns the answer if there is one.
+    fn ask_first(&self, scenes: &[&Selected], taken: &BTreeSet<Sha256Hex>) -> Result<Option<Recording>> {
         for scene in scenes {
             let asked = self.with_session(scene, |session, queries| {
-                let open = !session.requests(&self.client, queries, under_way, &scene.name).is_empty();
-                Ok(open.then(|| session.ask_first(&self.client, queries, under_way, &self.budget)))
+                Ok(session.ask_first(&self.client, queries, &self.budget, &mut taken.clone()))
             });
             // A scene that cannot be opened is reported when its questions are gathered.
-            if let Ok(Some(answer)) = asked {
-                return answer;
+            if let Ok(asked) = asked
+                && let Some(answer) = asked?
+            {
+                return Ok(answer.ok());
             }
         }
-        Ok(())
+        Ok(None)
     }
 
-    /// The number of questions that are neither answered nor in progress, the cost of asking the first of them live,
-    /// and the cost of the others through the Batch API. A scene that cannot be opened is reported when its questions
-    /// are gathered.
-    fn open(&self, scenes: &[&Selected], under_way: &Submitted) -> (usize, Cost, Cost) {
-        let (mut keys, mut now, mut later) = (BTreeSet::new(), Cost::default(), Cost::default());
+    /// The open questions of a scene. If it has the `first` question of all, the answer to that is recorded instead.
+    fn requests(&self, scene: &Selected, first: Option<&Recording>) -> Result<Vec<Request>> {
+        self.with_session(scene, |session, queries| {
+            let requests = session.requests(&self.client, queries, &scene.name, &mut BTreeSet::new());
+            let is_first = |request: &Request| first.is_some_and(|first| first.key == request.waiting.key);
+            let (answered, open): (Vec<Request>, Vec<Request>) = requests.into_iter().partition(is_first);
+            let with_answer = |(request, first): (Request, &Recording)| {
+                let Recording { response: text, served_model, usage, .. } = first.clone();
+                (request.waiting, Answered { text, served_model, usage })
+            };
+            let answered = answered.into_iter().zip(first).map(with_answer).collect();
+            session.record(queries, &self.client, answered, &mut Collected::default())?;
+            Ok(open)
+        })
+    }
+
+    /// The number of questions that are neither answered nor `taken`, the cost of asking the first of them live, and the
+    /// cost of the others through the Batch API. A scene that cannot be opened is reported when its questions are gathered.
+    fn open(&self, scenes: &[&Selected], mut taken: BTreeSet<Sha256Hex>) -> (usize, Cost, Cost) {
+        let (before, mut now, mut later) = (taken.len(), Cost::default(), Cost::default());
         for scene in scenes {
-            let at_once = usize::from(keys.is_empty());
+            let at_once = usize::from(taken.len() == before);
             let of_scene = self.with_session(scene, |session, queries| {
-                let requests = session.requests(&self.client, queries, under_way, &scene.name);
-                let costs = session.submission_cost(&self.client, queries, under_way, at_once);
-                keys.extend(requests.into_iter().map(|request| request.waiting.key));
-                Ok(costs)
+                Ok(session.submission_cost(&self.client, queries, at_once, &mut taken))
             });
             if let Ok((now_of_scene, later_of_scene)) = of_scene {
                 now = now.plus(now_of_scene);
                 later = later.plus(later_of_scene);
             }
         }
-        (keys.len(), now, later)
+        (taken.len() - before, now, later)
     }
 
     /// Applies `work` to the questions of a scene that is segmented.

@@ -13,7 +13,7 @@ use crate::scene::dataset::Entry;
 use crate::workdir;
 
 use super::shard::deal;
-use super::{BatchError, Options};
+use super::{BatchError, FOLDER, Options};
 
 /// Folders of a scene that a run writes into: their files do not count towards the scene's size.
 const WRITTEN: [&str; 2] = [workdir::DEFAULT_NAME, "recorded"];
@@ -66,6 +66,12 @@ pub fn select(
     let chosen = scenes.get(options.start..end).unwrap_or_default();
     if chosen.is_empty() && skipped.is_empty() {
         return Err(BatchError::NothingSelected { listed });
+    }
+    // Its work folder would be the batch's own, whose unfinished files each run of the scene would remove.
+    if let Some(out) = out
+        && chosen.iter().any(|scene| scene.name == FOLDER)
+    {
+        return Err(BatchError::Reserved { folder: out.join(FOLDER) });
     }
     let selected = |entry: &Entry| {
         let work = out.map_or_else(|| entry.folder.join(workdir::DEFAULT_NAME), |out| out.join(&entry.name));

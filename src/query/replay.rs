@@ -40,12 +40,14 @@ pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Rec
     let mut question = queries.questions.first();
     let mut so_far = Match::Exact;
     loop {
-        let (recording, matched) = match recordings.find(&segment.asked(question), who) {
+        let read = |response: &str| queries.questions.read(question, response, queries.library, Unknown::TakeNearest);
+        let found = recordings.find(&segment.asked(question), who, &|response| read(response).is_ok());
+        let (recording, matched) = match found {
             Ok(found) => found,
             Err(miss) => return Replayed::Missing { question, miss, so_far },
         };
         so_far = weaker(so_far, matched);
-        match queries.questions.read(question, &recording.response, queries.library, Unknown::TakeNearest) {
+        match read(&recording.response) {
             Ok(Reading::Answered(mut answer)) => {
                 answer.matched = so_far;
                 return Replayed::Answered(Box::new(Outcome::Answered(*answer)));
@@ -58,7 +60,8 @@ pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Rec
 
 /// The recorded answer about the size of the object, or why there is none.
 pub fn replay_size(query: &SizeQuery, recordings: &Recordings, who: Who) -> Result<Size, Miss> {
-    let (recording, _) = recordings.find(&query.shown.asked(&query.question), who)?;
+    let is_readable = |response: &str| query.read(response).is_ok();
+    let (recording, _) = recordings.find(&query.shown.asked(&query.question), who, &is_readable)?;
     query.read(&recording.response).map_err(|_| Miss::Unusable)
 }
 

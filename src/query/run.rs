@@ -7,6 +7,7 @@ use std::sync::mpsc;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::answer::Problem;
 use super::asker::Asker;
 use super::budget::{Budget, Spent};
 use super::cost::{Cost, Price};
@@ -15,7 +16,7 @@ use super::live::{Live, Stop};
 use super::options::AnswerSource;
 use super::queries::Queries;
 use super::question::Question;
-use super::recorded::{Answerer, Miss, Recordings};
+use super::recorded::{Answerer, Asked, Miss, Recordings};
 use super::replay::{self, Replayed};
 use super::segment_query::SegmentQuery;
 use super::sha256::Sha256Hex;
@@ -62,12 +63,25 @@ struct Open<'a> {
     question: &'a Question,
     so_far: Match,
     miss: Miss,
+    /// Why the recorded answer cannot be used, if there is one.
+    problem: Option<Problem>,
 }
 
 /// The segments by what the recordings hold for them.
 struct Sorted<'a> {
     answered: Vec<(usize, Outcome)>,
     open: Vec<Open<'a>>,
+}
+
+impl Sorted<'_> {
+    /// Counts the segments whose recorded answers cannot be used as failed: nobody is asked again.
+    fn fail_unusable(&mut self) {
+        let open = std::mem::take(&mut self.open);
+        let (unusable, open): (Vec<Open>, Vec<Open>) = open.into_iter().partition(|open| open.problem.is_some());
+        self.open = open;
+        let failed = |open: Open| Some((open.index, replay::unusable(open.problem?)));
+        self.answered.extend(unusable.into_iter().filter_map(failed));
+    }
 }
 
 impl Queries<'_> {
@@ -150,27 +164,25 @@ impl Queries<'_> {
         Ok(Some(SizeAnswer { view, outcome }))
     }
 
-    /// Asks about the first segment that is not recorded and whose question is `due`; `None` if there is none. Nothing is
-    /// announced.
+    /// Asks about the first segment that is not recorded and whose question is `due`, and returns that question with the
+    /// outcome; `None` if there is none. Nothing is announced.
     pub fn ask_first(
         &self,
         recordings: &Recordings,
         asker: &dyn Asker,
         budget: &Budget,
         mut due: impl FnMut(&SegmentQuery, &Question) -> bool,
-    ) -> Result<Option<Outcome>, QueryError> {
+    ) -> Result<Option<(Asked, Outcome)>, QueryError> {
         let sorted = self.sort(recordings, Some(asker.answerer()));
         let is_due = |open: &Open| due(&self.segments[open.index], open.question);
-        let first = sorted.open.iter().position(is_due).map_or(&[][..], |at| &sorted.open[at..=at]);
-        let mut asked = None;
-        let mut keep = |_: usize, outcome: Outcome| asked = Some(outcome);
-        if !first.is_empty() {
-            check_ready(asker, sorted.open.len())?;
-            recordings.check_writable()?;
-            let live = Live { queries: self, recordings, asker, budget, progress: Progress::Hidden };
-            ask_all(&live, first, &mut keep)?;
-        }
-        Ok(asked)
+        let Some(at) = sorted.open.iter().position(is_due) else { return Ok(None) };
+        let first = &sorted.open[at];
+        let mut answer = None;
+        check_ready(asker, sorted.open.len())?;
+        recordings.check_writable()?;
+        let live = Live { queries: self, recordings, asker, budget, progress: Progress::Hidden };
+        ask_all(&live, std::slice::from_ref(first), &mut |_, outcome| answer = Some(outcome))?;
+        Ok(answer.map(|outcome| (self.segments[first.index].asked(first.question), outcome)))
     }
 
     /// The recordings that answer any segment, whoever answered: all others are unused by these views and options.
@@ -200,7 +212,10 @@ impl Queries<'_> {
         progress: Progress,
     ) -> Result<Run, QueryError> {
         let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
-        let sorted = self.sort(recordings, asker.map(Asker::answerer));
+        let mut sorted = self.sort(recordings, asker.map(Asker::answerer));
+        if asker.is_none() {
+            sorted.fail_unusable();
+        }
         let bar = progress.bar("query", self.segments.len() as u64);
         let mut outcomes: Vec<Option<SegmentAnswer>> = vec![None; self.segments.len()];
         let mut keep = |index: usize, outcome: Outcome| {
@@ -245,12 +260,11 @@ impl Queries<'_> {
             match replayed {
                 Replayed::Answered(outcome) => sorted.answered.push((index, *outcome)),
                 Replayed::Missing { question, miss, so_far } => {
-                    sorted.open.push(Open { index, question, so_far, miss });
+                    sorted.open.push(Open { index, question, so_far, miss, problem: None });
                 }
-                Replayed::Unusable { question, so_far, .. } if answerer.is_some() => {
-                    sorted.open.push(Open { index, question, so_far, miss: Miss::Unusable });
+                Replayed::Unusable { question, problem, so_far } => {
+                    sorted.open.push(Open { index, question, so_far, miss: Miss::Unusable, problem: Some(problem) });
                 }
-                Replayed::Unusable { problem, .. } => sorted.answered.push((index, replay::unusable(problem))),
             }
         }
         sorted

@@ -61,7 +61,13 @@ impl Doctor {
 
 pub(super) fn examine(options: &Options, environment: &Environment) -> Doctor {
     let mut problems = Vec::new();
-    let mut note = |error: SetupError| problems.push(error.to_string());
+    // Without a cache folder, the same is wrong with all three.
+    let mut note = |error: SetupError| {
+        let problem = error.to_string();
+        if !problems.contains(&problem) {
+            problems.push(problem);
+        }
+    };
     let runtime = locate::onnxruntime(options, environment).map_err(&mut note).ok();
     let encoder = locate::encoder(options, environment).map_err(&mut note).ok();
     let decoder = locate::decoder(options, environment).map_err(&mut note).ok();

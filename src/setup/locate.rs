@@ -1,6 +1,6 @@
 //! Finds the files and checks that they are valid. Fetches nothing.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +10,7 @@ use super::catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, PinnedFile, SAM_DECODE
 use super::environment::Environment;
 use super::error::SetupError;
 use super::{Options, library};
+use crate::files;
 use crate::workdir::Checksum;
 
 /// The order in which gprop looks for files, for display. [`onnxruntime`], [`encoder`] and [`decoder`] follow it.
@@ -120,11 +121,11 @@ fn model(
 
 /// Checks that a file that the user named exists and can be read.
 fn check_user_file(source: Source, path: &Path) -> Result<(), SetupError> {
-    let problem = match File::open(path).and_then(|file| file.metadata()) {
-        Ok(metadata) if metadata.is_file() => return Ok(()),
-        Ok(_) => "is not a file".to_owned(),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => "does not exist".to_owned(),
-        Err(error) => format!("cannot be read ({error})"),
+    let Err(error) = files::open(path) else { return Ok(()) };
+    let problem = match error.kind() {
+        io::ErrorKind::NotFound => "does not exist".to_owned(),
+        io::ErrorKind::IsADirectory | io::ErrorKind::InvalidInput => "is not a file".to_owned(),
+        _ => format!("cannot be read ({error})"),
     };
     Err(SetupError::UserFile { given_by: source.name(), path: path.to_owned(), problem })
 }

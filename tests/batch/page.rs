@@ -69,6 +69,11 @@ fn rows_are_sorted_and_found() {
     assert_eq!(names(&page), ["ball-0", "ball-2", HOSTILE]);
     assert_eq!(press(&page, "scene").as_deref(), Some("descending"));
     assert_eq!(names(&page), [HOSTILE, "ball-2", "ball-0"]);
+    // An error that begins with a number is not a part of the name above it.
+    let first = "[...document.querySelectorAll('td.name')].find((cell) => cell.textContent === 'ball-0')";
+    page.evaluate(&format!("{first}.append('12 requests would cost too much')"));
+    assert_eq!(press(&page, "scene").as_deref(), Some("ascending"));
+    assert_eq!(names(&page), ["ball-0", "ball-2", HOSTILE]);
     assert_eq!(press(&page, "state").as_deref(), Some("ascending"));
     assert_eq!(names(&page)[0], "ball-2", "what failed comes first");
     assert_eq!(page.evaluate("document.querySelectorAll('[aria-sort]').length"), 1);

@@ -68,6 +68,29 @@ fn all_scenes_queries_go_out_and_come_in_together() {
 }
 
 #[test]
+fn one_scenes_bad_options_keep_no_other_answers_back() {
+    let balls = Balls::new(2);
+    let good = good_answer(a("wood"));
+    let server = BatchApiServer::new(&good);
+    let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
+    let step = |step: &str| {
+        batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0", "--queries", step])
+    };
+    assert_eq!(json_of(&mut step("submit"), 0)["sent"], 11);
+    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good)).collect();
+    server.set(completed(), &output, &[]);
+    let file = balls.scene(1).join("gprop.toml");
+    let options = std::fs::read_to_string(&file).unwrap();
+    std::fs::write(&file, options.replace("volume-cells = 20000", "volume-cells = \"many\"")).unwrap();
+    let collect = step("collect").output().unwrap();
+    let said = stderr(&collect);
+    assert_eq!(collect.status.code(), Some(6), "{said}");
+    assert!(said.contains("ball-1") && said.contains("invalid value 'many' for '--volume-cells"), "{said}");
+    std::fs::write(&file, options).unwrap();
+    assert_eq!(json_of(&mut step("collect"), 0)["recorded"], 6, "those of the other scene were recorded before");
+}
+
+#[test]
 fn one_scenes_submission_prints_json_at_every_step() {
     let balls = Balls::new(1);
     let good = good_answer(a("wood"));

@@ -74,6 +74,47 @@ fn a_narrower_choice_forgets_no_other_scene() {
     assert!(outcomes(&mut batch(&balls, &[]), 0).is_empty(), "both are still done");
 }
 
+/// The folder of results was moved, or is called by another path.
+#[test]
+fn results_are_found_where_they_are_now() {
+    let balls = Balls::new(2);
+    fs::write(balls.scene(1).join("point_cloud.ply"), "ply\nno splat").unwrap();
+    let (first, second) = (balls.folder().with_file_name("first"), balls.folder().with_file_name("second"));
+    assert_eq!(outcomes(&mut batch(&balls, &["--out", first.to_str().unwrap()]), 6).len(), 2);
+    fs::rename(&first, &second).unwrap();
+    let moved = outcomes(&mut batch(&balls, &["--out", second.to_str().unwrap()]), 6);
+    assert!(moved.is_empty(), "nothing changed, so neither the done nor the failed scene is run: {moved:?}");
+    let mut relative = batch(&balls, &["--out", "second"]);
+    let relative = outcomes(relative.current_dir(second.parent().unwrap()), 6);
+    assert!(relative.is_empty(), "{relative:?}");
+
+    let third = balls.folder().with_file_name("third");
+    fs::rename(&second, &third).unwrap();
+    let merged = batch(&balls, &["--out", third.to_str().unwrap(), "--merge", "--json"]).output().unwrap();
+    assert_eq!(merged.status.code(), Some(6), "{}", stderr(&merged));
+    let merged: Value = serde_json::from_slice(&merged.stdout).unwrap();
+    assert_eq!(merged["outcomes"][0]["work"].as_str(), third.join("ball-0").to_str());
+    let page = fs::read_to_string(third.join("batch/index.html")).unwrap();
+    assert_eq!(page.matches("data:image/jpeg").count(), 1, "the picture of the scene that is done");
+    // With this folder, the batch's own files are where they are without --out, but the work folders are not.
+    assert_eq!(outcomes(&mut batch(&balls, &[]), 6).len(), 2);
+    let inside = balls.folder().join("gprop");
+    assert_eq!(outcomes(&mut batch(&balls, &["--out", inside.to_str().unwrap()]), 6).len(), 2);
+}
+
+#[test]
+fn a_scene_does_not_share_its_work_folder_with_the_batch() {
+    let balls = Balls::new(2);
+    fs::rename(balls.scene(1), balls.folder().join("batch")).unwrap();
+    assert_eq!(listed(&mut batch(&balls, &[])), ["ball-0", "batch"]);
+    let out = balls.folder().with_file_name("out");
+    let with_out = ["--out", out.to_str().unwrap(), "--dry-run"];
+    let refused = batch(&balls, &with_out).output().unwrap();
+    assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("rename the scene's folder"), "{}", stderr(&refused));
+    assert_eq!(listed(&mut batch(&balls, &["--out", out.to_str().unwrap(), "--filter", "ball"])), ["ball-0"]);
+}
+
 #[test]
 fn of_a_scene_in_two_shards_the_outcome_for_the_options_is_merged() {
     let balls = Balls::new(2);

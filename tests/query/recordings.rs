@@ -377,6 +377,12 @@ fn what_no_segment_uses_is_told_from_what_serves() {
         store.remove(key).unwrap();
     }
     assert_eq!(recordings(folder.path()).keys(), used.into_iter().collect::<Vec<_>>());
+    // The spare folder belongs to a work folder: nothing is removed from it.
+    let elsewhere = folder.path().join("recorded");
+    let store = recordings(&elsewhere).with_spare(folder.path()).unwrap();
+    assert_eq!(store.len(), 2);
+    store.keys().iter().for_each(|key| store.remove(key).unwrap());
+    assert_eq!((store.len(), recordings(folder.path()).len()), (0, 2));
 }
 
 #[test]

@@ -114,6 +114,19 @@ fn a_single_pixel_and_a_whole_picture_are_segments_too() {
     assert!(red > 102 && green < 80, "all of the second panel is tinted: {red}, {green}");
 }
 
+/// A wire in a large photo covers a fifth of the pixels of the panel that it touches.
+#[test]
+fn a_segment_thinner_than_a_pixel_of_the_panel_is_marked_too() {
+    let wire = view("v", (800, 600), 80, |x, _| if (400..402).contains(&x) { 2 } else { 1 });
+    let picture = sheet(&wire, 2, Context::GlobalLocal, 256).picture;
+    let red = picture.enumerate_pixels().filter(|(.., pixel)| **pixel == Rgb([255, 0, 0]));
+    let columns: std::collections::BTreeSet<u32> = red.map(|(x, ..)| x).collect();
+    assert_eq!(columns.len(), 1, "{columns:?}");
+    // In the middle of the second of three panels.
+    let middle = picture.width() / 2;
+    assert!(columns.iter().all(|x| x.abs_diff(middle) <= 2), "{columns:?} of {}", picture.width());
+}
+
 #[test]
 fn a_segment_without_pixels_has_no_sheet() {
     let view = two_segments("v", 80, 80);

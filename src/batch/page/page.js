@@ -6,11 +6,12 @@
   const collator = new Intl.Collator("en", { numeric: true });
   const words = rows.map((row) => row.textContent.toLowerCase());
 
-  // A number if the column has numbers, else text; undefined if the scene has no value, which sorts last in both directions.
+  // A number if the column has numbers, else the text that comes first in the cell: the name of the scene without its error.
+  // Undefined if the scene has no value, which sorts last in both directions.
   function value(row, column) {
     const cell = row.cells[column];
     if (cell.dataset.v !== undefined) return Number(cell.dataset.v);
-    return heads[column].className === "n" || !cell.textContent ? undefined : cell.textContent;
+    return heads[column].className === "n" ? undefined : cell.firstChild?.textContent || undefined;
   }
   const compare = (a, b) => (typeof a === "number" ? a - b : collator.compare(a, b));
   function sort(column, sign) {

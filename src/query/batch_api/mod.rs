@@ -8,11 +8,12 @@
 //!    expired.
 //!
 //! A request's `custom_id` is the key of the recording that its answer becomes, so each answer finds its place in
-//! whatever order the answers come in and however often they are collected.
+//! whatever order the answers come in and however often they are collected. Several scenes may wait for the answer to one
+//! request; it is recorded for each of them.
 
 mod response;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -40,7 +41,7 @@ pub struct Request {
     pub body: Value,
 }
 
-/// A question that was sent and whose answer has not been collected.
+/// A question of one scene that was sent and whose answer has not been collected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Waiting {
     /// Key of the recording that the answer becomes.
@@ -89,12 +90,38 @@ impl BatchApiJob {
     fn is_for(&self, answerer: &Answerer) -> bool {
         self.waiting.iter().all(|waiting| waiting.key == key(answerer, &waiting.asked))
     }
+
+    /// The number of requests, for each of which several scenes may wait.
+    pub fn requests(&self) -> usize {
+        self.waiting.iter().map(|waiting| &waiting.key).collect::<BTreeSet<_>>().len()
+    }
 }
 
 impl Submitted {
-    /// True if a question's answer is still to come.
-    pub fn awaits(&self, key: &Sha256Hex) -> bool {
-        self.jobs.iter().any(|job| job.waiting.iter().any(|waiting| waiting.key == *key))
+    /// The keys of the questions whose answers are still to come.
+    pub fn keys(&self) -> BTreeSet<Sha256Hex> {
+        self.jobs.iter().flat_map(|job| &job.waiting).map(|waiting| waiting.key.clone()).collect()
+    }
+
+    /// Adds questions of scenes to the jobs that were sent the same question for other scenes. Returns whether that changed
+    /// anything.
+    pub fn share(&mut self, questions: Vec<Waiting>) -> bool {
+        let known: BTreeSet<(&Sha256Hex, &str)> =
+            self.jobs.iter().flat_map(|job| &job.waiting).map(|waiting| (&waiting.key, &*waiting.owner)).collect();
+        let mut more: BTreeMap<Sha256Hex, Vec<Waiting>> = BTreeMap::new();
+        for question in questions {
+            if !known.contains(&(&question.key, &*question.owner)) {
+                more.entry(question.key.clone()).or_default().push(question);
+            }
+        }
+        let mut changed = false;
+        for job in &mut self.jobs {
+            let same: Vec<Waiting> =
+                job.waiting.iter().filter_map(|waiting| more.remove(&waiting.key)).flatten().collect();
+            changed |= !same.is_empty();
+            job.waiting.extend(same);
+        }
+        changed
     }
 
     /// Notes what is left of a job whose answers were fetched: these questions still wait, and without any, the job is
@@ -179,7 +206,7 @@ pub fn collect(client: &Client, job: &BatchApiJob) -> Result<JobProgress, AskErr
     }
     let mut ended = Ended { answered: Vec::new(), failed: Vec::new() };
     for waiting in &job.waiting {
-        let found = lines.remove(waiting.key.as_str());
+        let found = lines.get(waiting.key.as_str()).cloned();
         let why_none = || match status.problems() {
             none if none.is_empty() => format!("the job ended without an answer ({:?})", status.state),
             problems => problems,

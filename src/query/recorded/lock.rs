@@ -26,9 +26,13 @@ impl QuestionLock {
     pub fn take(folder: &Path, key: &Sha256Hex) -> io::Result<Option<Self>> {
         let path = folder.join(format!(".asking-{key}.lock"));
         workdir::refuse_link(&path, "--recordings").map_err(io::Error::other)?;
-        let Some(file) = workdir::lock::exclusive(&path)? else { return Ok(None) };
-        // The previous owner of the lock may have removed the file between our opening and locking it.
-        Ok(is_at(&file, &path)?.then(|| Self { path, _file: file }))
+        loop {
+            let Some(file) = workdir::lock::exclusive(&path)? else { return Ok(None) };
+            // The previous owner of the lock may have removed the file between our opening and locking it.
+            if is_at(&file, &path)? {
+                return Ok(Some(Self { path, _file: file }));
+            }
+        }
     }
 }
 

@@ -46,6 +46,17 @@ impl Asked {
             self.sheet_sha256.as_str().as_bytes(),
         ])
     }
+
+    /// True if [`Self::content_sha256`] is the same. Compared without hashing: every question is looked for among all
+    /// recordings.
+    fn is_same_question(&self, other: &Self) -> bool {
+        self.sheet_sha256 == other.sheet_sha256 && self.has_same_prompt(other)
+    }
+
+    /// True if prompt and schema are the same, whatever the picture.
+    fn has_same_prompt(&self, other: &Self) -> bool {
+        self.prompt_sha256 == other.prompt_sha256 && self.schema_sha256 == other.schema_sha256
+    }
 }
 
 /// The model or person that answers, with its settings.

@@ -23,7 +23,8 @@ pub struct Recordings {
 
 type ByKey = BTreeMap<Sha256Hex, Stored>;
 
-/// A recording with the files that hold it: a copy may have any name that ends in `.json`.
+/// A recording with the files that hold it: a copy may have any name that ends in `.json`, but the file that is named
+/// after the key takes precedence in its folder.
 #[derive(Debug)]
 struct Stored {
     recording: Recording,
@@ -99,8 +100,14 @@ impl Recordings {
     pub fn open(read_from: &[&Path], write_to: &Path) -> Result<Self, RecordingError> {
         let mut by_key = ByKey::new();
         for folder in read_from.iter().copied().chain([write_to]) {
-            for path in json_files(folder)? {
-                store(&mut by_key, read(&path)?, path);
+            let mut found = json_files(folder)?
+                .into_iter()
+                .map(|path| Ok((read(&path)?, path)))
+                .collect::<Result<Vec<_>, RecordingError>>()?;
+            // Of several files with one key, the one that new answers are written to counts, not a copy of an old answer.
+            found.sort_by_key(|(recording, path)| *path == file_in(folder, &recording.key));
+            for (recording, path) in found {
+                store(&mut by_key, recording, path);
             }
         }
         Ok(Self { write_to: write_to.into(), spare: None, by_key: Mutex::new(by_key) })
@@ -110,7 +117,7 @@ impl Recordings {
     pub fn with_spare(self, folder: &Path) -> Result<Self, RecordingError> {
         for path in json_files(folder)? {
             let recording = read(&path)?;
-            self.lock().entry(recording.key.clone()).or_insert(Stored { recording, paths: vec![path] });
+            self.lock().entry(recording.key.clone()).or_insert(Stored { recording, paths: Vec::new() });
         }
         Ok(Self { spare: Some(folder.into()), ..self })
     }
@@ -152,7 +159,7 @@ impl Recordings {
     /// `None` if there is none or it cannot be written either.
     pub fn set_aside(&self, recording: &Recording) -> Option<&Path> {
         let spare = self.spare.as_deref()?;
-        write(spare, &spare.join(format!("{}.json", recording.key)), recording).ok()?;
+        write(spare, &file_in(spare, &recording.key), recording).ok()?;
         Some(spare)
     }
 
@@ -166,40 +173,46 @@ impl Recordings {
         self.len() == 0
     }
 
-    /// The recording that answers `asked`, and how it was found. Among several, the one with the best overlap and then
-    /// the smallest key.
-    pub fn find(&self, asked: &Asked, who: Who) -> Result<(Recording, Match), Miss> {
+    /// The recording that answers `asked`, and how it was found. Among several, one whose response `is_readable`, then the
+    /// one with the best overlap, then the one with the smallest key.
+    pub fn find(
+        &self,
+        asked: &Asked,
+        who: Who,
+        is_readable: &dyn Fn(&str) -> bool,
+    ) -> Result<(Recording, Match), Miss> {
         let by_key = self.lock();
+        let readable = |recording: &Recording| is_readable(&recording.response);
         if let Who::Exactly(answerer) = who
             && let Some(stored) = by_key.get(&key(answerer, asked))
+            && readable(&stored.recording)
         {
             return Ok((stored.recording.clone(), Match::Exact));
         }
-        let content = asked.content_sha256();
-        let mut candidates = recordings(&by_key).filter(|recording| who.includes(recording));
-        if let Some(recording) = candidates.clone().find(|recording| recording.asked.content_sha256() == content) {
-            return Ok((recording.clone(), Match::Exact));
-        }
-        let same_prompt = |recording: &&Recording| {
-            recording.asked.prompt_sha256 == asked.prompt_sha256 && recording.asked.schema_sha256 == asked.schema_sha256
+        let candidates = recordings(&by_key).filter(|recording| who.includes(recording));
+        let best = |accepts: &dyn Fn(&Recording) -> bool| {
+            let mut same = candidates.clone().filter(|recording| recording.asked.is_same_question(asked));
+            if let Some(recording) = same.find(|recording| accepts(recording)) {
+                return Ok((recording.clone(), Match::Exact));
+            }
+            let of_prompt = candidates.clone().filter(|recording| recording.asked.has_same_prompt(asked));
+            match best_overlap(asked, of_prompt, accepts) {
+                // The same segment of the same photo with the same prompt: the question is the same, however it was drawn.
+                Some((recording, 1.0)) => Ok((recording.clone(), Match::Exact)),
+                Some((recording, iou)) if iou >= MASK_IOU => Ok((recording.clone(), Match::Mask { iou })),
+                best => Err(best.map(|(_, iou)| iou)),
+            }
         };
-        let best = best_overlap(asked, candidates.by_ref().filter(same_prompt));
-        match best {
-            // The same segment of the same photo with the same prompt: the question is the same, however it was drawn.
-            Some((recording, 1.0)) => Ok((recording.clone(), Match::Exact)),
-            Some((recording, iou)) if iou >= MASK_IOU => Ok((recording.clone(), Match::Mask { iou })),
-            best => Err(miss(asked, &by_key, best.map(|(_, iou)| iou))),
-        }
+        best(&readable).or_else(|_| best(&|_| true)).map_err(|iou| miss(asked, &by_key, iou))
     }
 
     /// The keys of all recordings that may be used for `asked`, whoever answered.
     pub fn serving(&self, asked: &Asked) -> Vec<Sha256Hex> {
-        let content = asked.content_sha256();
         let serves = |recording: &&Recording| {
             let known = &recording.asked;
-            let same_prompt = known.prompt_sha256 == asked.prompt_sha256 && known.schema_sha256 == asked.schema_sha256;
             let same_view = known.photo_sha256 == asked.photo_sha256;
-            known.content_sha256() == content || (same_prompt && same_view && known.mask.iou(&asked.mask) >= MASK_IOU)
+            let fits = || known.has_same_prompt(asked) && same_view && known.mask.iou(&asked.mask) >= MASK_IOU;
+            known.is_same_question(asked) || fits()
         };
         recordings(&self.lock()).filter(serves).map(|recording| recording.key.clone()).collect()
     }
@@ -225,7 +238,7 @@ impl Recordings {
     }
 
     fn path(&self, key: &Sha256Hex) -> PathBuf {
-        self.write_to.join(format!("{key}.json"))
+        file_in(&self.write_to, key)
     }
 
     /// Saves a recording, first on disk, then in memory. It replaces one with the same key.
@@ -241,6 +254,11 @@ impl Recordings {
     fn lock(&self) -> MutexGuard<'_, ByKey> {
         self.by_key.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// The file in `folder` to which a recording with this key is written.
+fn file_in(folder: &Path, key: &Sha256Hex) -> PathBuf {
+    folder.join(format!("{key}.json"))
 }
 
 /// Adds a recording that the file at `path` holds. It replaces one with the same key.
@@ -263,11 +281,16 @@ fn recordings(by_key: &ByKey) -> impl Iterator<Item = &Recording> + Clone {
     by_key.values().map(|stored| &stored.recording)
 }
 
-fn best_overlap<'a>(asked: &Asked, recordings: impl Iterator<Item = &'a Recording>) -> Option<(&'a Recording, f64)> {
+/// The recording of the same photo with the best overlap, among those that `accepts` takes.
+fn best_overlap<'a>(
+    asked: &Asked,
+    recordings: impl Iterator<Item = &'a Recording>,
+    accepts: &dyn Fn(&Recording) -> bool,
+) -> Option<(&'a Recording, f64)> {
     let mut best: Option<(&Recording, f64)> = None;
     for recording in recordings.filter(|recording| recording.asked.photo_sha256 == asked.photo_sha256) {
         let iou = recording.asked.mask.iou(&asked.mask);
-        if best.is_none_or(|(_, top)| iou > top) {
+        if best.is_none_or(|(_, top)| iou > top) && accepts(recording) {
             best = Some((recording, iou));
         }
     }
@@ -275,7 +298,7 @@ fn best_overlap<'a>(asked: &Asked, recordings: impl Iterator<Item = &'a Recordin
 }
 
 fn miss(asked: &Asked, by_key: &ByKey, best_of_prompt: Option<f64>) -> Miss {
-    match (best_of_prompt, best_overlap(asked, recordings(by_key))) {
+    match (best_of_prompt, best_overlap(asked, recordings(by_key), &|_| true)) {
         (_, None) => Miss::View,
         (best, Some((_, any))) if any >= MASK_IOU && best.is_none_or(|best| best < any) => Miss::Prompt,
         (Some(iou), _) | (None, Some((_, iou))) => Miss::Mask { iou },

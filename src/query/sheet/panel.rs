@@ -94,8 +94,7 @@ pub fn object(photo: &Photo, object_box: Area, size: (u32, u32)) -> RgbImage {
 
 /// The object's panel with the segment in translucent red, outlined in red and white.
 pub fn segment_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) -> RgbImage {
-    let (width, height) = object.dimensions();
-    let mask = fit(&crop(object_box, |x, y| *mask.get_pixel(x, y)), Luma([0]), (width, height));
+    let mask = scaled_mask(&crop(object_box, |x, y| *mask.get_pixel(x, y)), object.dimensions());
     let edge = near_edge(&mask);
     for ((pixel, coverage), at_edge) in object.pixels_mut().zip(mask.pixels()).zip(edge) {
         match (is_inside(coverage), at_edge) {
@@ -111,6 +110,25 @@ pub fn segment_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) 
         }
     }
     object
+}
+
+/// A mask scaled like the picture in a panel of this size. A segment that is too thin to cover half of any pixel there,
+/// such as a wire in a large photo, gets every pixel that it touches: it must be marked somewhere.
+fn scaled_mask(mask: &GrayImage, size: (u32, u32)) -> GrayImage {
+    let scaled = fit(mask, Luma([0]), size);
+    if scaled.pixels().any(is_inside) {
+        return scaled;
+    }
+    let (width, height) = fitted(mask.dimensions(), size);
+    let at = |pixel: u32, of: u32, to: u32, room: u32| {
+        (room - to) / 2 + (u64::from(pixel) * u64::from(to) / u64::from(of)) as u32
+    };
+    let mut touched = GrayImage::new(size.0, size.1);
+    for (x, y, _) in mask.enumerate_pixels().filter(|(.., coverage)| is_inside(coverage)) {
+        let (x, y) = (at(x, mask.width(), width, size.0), at(y, mask.height(), height, size.1));
+        touched.put_pixel(x, y, Luma([255]));
+    }
+    touched
 }
 
 fn is_inside(coverage: &Luma<u8>) -> bool {
@@ -157,17 +175,21 @@ fn fit<P: Pixel<Subpixel = u8> + 'static>(
     ground: P,
     size: (u32, u32),
 ) -> ImageBuffer<P, Vec<u8>> {
-    let (width, height) = (u64::from(picture.width()), u64::from(picture.height()));
+    let (width, height) = fitted(picture.dimensions(), size);
+    let scaled = imageops::resize(picture, width, height, FilterType::CatmullRom);
+    let mut panel = ImageBuffer::from_pixel(size.0, size.1, ground);
+    panel.copy_from(&scaled, (size.0 - width) / 2, (size.1 - height) / 2).expect("the picture was scaled to fit");
+    panel
+}
+
+/// The largest size with the proportions of a picture of `width` x `height` that fits into `size`.
+fn fitted((width, height): (u32, u32), size: (u32, u32)) -> (u32, u32) {
+    let (width, height) = (u64::from(width), u64::from(height));
     let (room_x, room_y) = (u64::from(size.0), u64::from(size.1));
     let (fit_x, fit_y) = if width * room_y >= height * room_x {
         (room_x, (room_x * height / width).max(1))
     } else {
         ((room_y * width / height).max(1), room_y)
     };
-    let scaled = imageops::resize(picture, fit_x as u32, fit_y as u32, FilterType::CatmullRom);
-    let mut panel = ImageBuffer::from_pixel(size.0, size.1, ground);
-    panel
-        .copy_from(&scaled, (size.0 - fit_x as u32) / 2, (size.1 - fit_y as u32) / 2)
-        .expect("the picture was scaled to fit");
-    panel
+    (fit_x as u32, fit_y as u32)
 }
