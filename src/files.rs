@@ -42,14 +42,14 @@ pub fn read(path: &Path) -> io::Result<Vec<u8>> {
 }
 
 /// Begins the text files of some editors; it is not part of the text.
-const BYTE_ORDER_MARK: char = '\u{feff}';
+pub(crate) const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// The text of a regular file, without a byte order mark; errors as for [`open`].
 pub fn read_to_string(path: &Path) -> io::Result<String> {
     let mut text = String::new();
     open(path)?.read_to_string(&mut text)?;
     if text.starts_with(BYTE_ORDER_MARK) {
-        text.replace_range(..BYTE_ORDER_MARK.len_utf8(), "");
+        text.replace_range(..BYTE_ORDER_MARK.len(), "");
     }
     Ok(text)
 }

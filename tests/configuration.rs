@@ -13,7 +13,7 @@ use crate::run::gprop;
 use crate::support::skipped;
 
 /// Keys that no scene may set, each with a value that its option accepts.
-const REFUSED: [(&str, &str); 24] = [
+const REFUSED: [(&str, &str); 25] = [
     ("ort-lib", "\"lib.so\""),
     ("ort_lib", "\"lib.so\""),
     ("sam-encoder", "\"encoder.onnx\""),
@@ -38,6 +38,7 @@ const REFUSED: [(&str, &str); 24] = [
     ("decoder", "\"onnxruntime\""),
     ("allow-read", "\"/\""),
     ("scale", "\"estimate\""),
+    ("frames", "61"),
 ];
 
 /// Paths that a scene may set, to places inside it.

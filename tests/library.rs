@@ -3,6 +3,7 @@
 use std::fs;
 
 use gprop::exit::Exit;
+use gprop::grasp::GraspError;
 use gprop::parts::PartsError;
 use gprop::pipeline::{Plan, Stage};
 use gprop::{Options, Pipeline};
@@ -93,6 +94,23 @@ fn errors_say_what_kind_they_are() {
         assert!(error.kind() == Exit::Usage && error.to_string().contains(words), "{error}");
         assert!(error.to_string().contains("gprop.toml"), "{error}");
     }
+}
+
+/// For a report, a grasp that cannot be computed is a warning. Whoever asks for the grasp hears why; the plan stays.
+#[test]
+fn a_grasp_that_failed_says_why_after_a_run_too() {
+    let balls = Balls::new(1);
+    // The ball is wider than the gripper opens.
+    let options = options(&balls);
+    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options).without_simulation().open().unwrap();
+    pipeline.parts().unwrap();
+    pipeline.run().unwrap();
+    assert!(balls.scene(0).join("gprop/report.html").exists(), "the run goes on to the report");
+    for _ in 0..2 {
+        let error = pipeline.grasp().unwrap_err();
+        assert!(error.downcast_ref::<GraspError>().is_some(), "{error}");
+    }
+    pipeline.run().unwrap();
 }
 
 /// The report is made without the simulation, which a later run adds.

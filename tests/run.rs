@@ -602,6 +602,8 @@ fn the_parts_of_an_earlier_run_do_not_stay_beside_segments() {
     let files = || fs::read_dir(balls.scene(0).join("gprop/consensus")).unwrap().count();
     let text = consensus(&["--ask", "parts"]);
     assert!(!text.starts_with("no parts") && files() == 5, "{text}");
+    consensus(&["--ask", "parts", "--view-list", "000,002"]);
+    assert_eq!(files(), 4, "the map of a view that is not chosen now is gone");
     let text = consensus(&["--ask", "segments"]);
     assert!(text.starts_with("no parts") && files() == 0, "{text}");
     assert_eq!(consensus(&["--ask", "segments", "--json"]).trim(), "null");

@@ -375,13 +375,21 @@ fn paths_that_are_not_there_end_with_a_code_and_their_name() {
         (&["show", scene, "field.jpg"], &["field.jpg", ".png, .gif or .mp4"]),
         (&["show", scene, "field"], &["ends in .png"]),
         (&["show", scene, "field.gif", "--view", "001"], &["--view is for a picture of one view", "field.gif"]),
+        (&["show", scene, "field.png", "--size", "320x180"], &["--size and --fps are for a film", "field.png"]),
+        (&["segment", file, "--masks", data], &["--masks is for the views of a scene", "--mask"]),
         (&["export", nowhere, "--format", "npz", "--out", data], &[nowhere]),
         (&["export", scene, "--format", "npz", "--out", file], &[file, "--out"]),
         (&["inspect", scene, "--html", data], &["--html", data]),
         (&["evaluate", "grasp", "--outcomes", nowhere], &["--outcomes", nowhere]),
         (&["evaluate", "grasp", nowhere], &[nowhere]),
         (&["evaluate", "grasp", scene, "--gripper", nowhere], &["--gripper", nowhere]),
+        (&["evaluate", "grasp", "--outcomes", file, "--gripper", "paper"], &["cannot be used with", "--gripper"]),
         (&["evaluate", "mass", "--data-set", nowhere], &["--data-set", nowhere]),
+        (&["evaluate", "mass", "--data-set", data, "--allow-read", data], &["cannot be used with", "--allow-read"]),
+        (
+            &["evaluate", "mass", "--predictions", file, "--truth", file, "--allow-read", data],
+            &["cannot be used with", "--allow-read"],
+        ),
         (&["evaluate", "mass", "--predictions", nowhere, "--truth", file], &["--predictions", nowhere]),
         (&["evaluate", "mass", "--predictions", file, "--truth", nowhere], &["--truth", nowhere]),
         (&["evaluate", "mass", nowhere], &[nowhere]),
@@ -410,6 +418,42 @@ fn paths_that_are_not_there_end_with_a_code_and_their_name() {
             assert!(message.contains(word), "{typed:?}: no {word:?} in {message}");
         }
     }
+}
+
+/// JSON has only Unicode, names of files may have other bytes: here `\xe9`, an e with an acute accent in Latin-1.
+#[cfg(target_os = "linux")]
+#[test]
+fn paths_that_are_not_unicode_are_used_and_shown() {
+    use std::ffi::OsStr;
+    use std::os::unix::ffi::OsStrExt;
+
+    let (balls, home) = (Balls::new(1), TempDir::new().unwrap());
+    let done = |command: &mut std::process::Command| {
+        let output = command.output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let board = home.path().join(OsStr::from_bytes(b"caf\xe9.svg"));
+    for more in [&[][..], &["--json"]] {
+        let said = done(gprop().args(["scale", "board", "--out"]).arg(&board).args(more));
+        assert!(board.is_file() && said.contains("caf\u{fffd}.svg"), "{said}");
+        std::fs::remove_file(&board).unwrap();
+    }
+    let labels = home.path().join(OsStr::from_bytes(b"l\xe9gendes"));
+    std::fs::create_dir(&labels).unwrap();
+    for entry in std::fs::read_dir(balls.labels(0)).unwrap() {
+        let entry = entry.unwrap();
+        std::fs::copy(entry.path(), labels.join(entry.file_name())).unwrap();
+    }
+    let segment = || {
+        let mut command = gprop();
+        command.arg("segment").arg(balls.scene(0)).arg("--segments").arg(&labels);
+        command
+    };
+    done(&mut segment());
+    let record = std::fs::read_to_string(balls.scene(0).join("gprop/run.json")).unwrap();
+    assert!(record.contains("l\u{fffd}gendes"), "{record}");
+    done(segment().arg("--json"));
 }
 
 #[cfg(target_os = "linux")]

@@ -109,18 +109,22 @@ def load(work: str | Path) -> Result:
     labels = _json(folder / "labels.json")
     measured = _json(folder / "parts.json") if "parts" in current else None
     grasp = _json(folder / "grasp.json") if "grasp" in current else None
-    # Without a metric scale there is no object.
-    whole = (measured or {}).get("object") or {}
     field = _read_ply(folder / "field.ply")
-    return Result(
-        folder=folder,
-        field=field,
-        parts=_parts(labels, measured, field),
-        mass_kg=_numbers(whole.get("mass_kg"), _ESTIMATE),
-        estimated_scale=(measured or {}).get("estimated_scale"),
-        grasps=_grasps(grasp),
-        grasp=grasp,
-    )
+    try:
+        # Without a metric scale there is no object.
+        whole = (measured or {}).get("object") or {}
+        return Result(
+            folder=folder,
+            field=field,
+            parts=_parts(labels, measured, field),
+            mass_kg=_numbers(whole.get("mass_kg"), _ESTIMATE),
+            estimated_scale=(measured or {}).get("estimated_scale"),
+            grasps=_grasps(grasp),
+            grasp=grasp,
+        )
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        problem = f"labels.json, parts.json, grasp.json and field.ply are not what gprop wrote: {error!r}; run gprop again"
+        raise ValueError(f"{str(folder)!r} is damaged: {problem}") from None
 
 
 def _json(path: Path):
@@ -228,7 +232,8 @@ def _read_ply(path: Path) -> np.ndarray:
     data = path.read_bytes()
     header, end, body = data.partition(b"end_header\n")
     lines = [line.split() for line in header.decode("ascii", "replace").splitlines()]
-    count = next((int(line[2]) for line in lines if line[:2] == ["element", "vertex"]), None)
+    counts = [line[2] for line in lines if line[:2] == ["element", "vertex"] and len(line) == 3]
+    count = int(counts[0]) if counts and counts[0].isdecimal() else None
     names = [line[2] for line in lines if line[:2] == ["property", "float"] and len(line) == 3]
     whole = end and count is not None and ["format", "binary_little_endian", "1.0"] in lines
     if not whole or len(body) != 4 * len(names) * count:

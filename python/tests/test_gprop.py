@@ -139,15 +139,30 @@ class Made(unittest.TestCase):
             gprop.load(self.folder)
 
     def test_damaged_files_are_refused(self):
-        whole = (self.folder / "field.ply").read_bytes()
+        whole, labels = (self.folder / "field.ply").read_bytes(), (self.folder / "labels.json").read_text()
         for damaged in (whole[:-1], whole + b"0", b"ply\n", whole.replace(b"little", b"big")):
             (self.folder / "field.ply").write_bytes(damaged)
+            with self.assertRaisesRegex(ValueError, "field.ply"):
+                gprop.load(self.folder)
+        (self.folder / "field.ply").write_bytes(whole)
+        for damaged in (b"vertex many\n", b"vertex\n"):
+            (self.folder / "field.ply").write_bytes(whole.replace(b"vertex 3\n", damaged))
             with self.assertRaisesRegex(ValueError, "field.ply"):
                 gprop.load(self.folder)
         (self.folder / "field.ply").write_bytes(whole)
         (self.folder / "labels.json").write_text("[")
         with self.assertRaisesRegex(ValueError, "labels.json"):
             gprop.load(self.folder)
+        # The second has a label less than field.ply.
+        for damaged in ({}, [json.loads(labels)[0]], [{}], [3]):
+            self.write("labels.json", damaged)
+            with self.assertRaisesRegex(ValueError, "gprop' is damaged"):
+                gprop.load(self.folder)
+        (self.folder / "labels.json").write_text(labels)
+        for damaged in ([1], {"object": None}, {"object": 3, "parts": []}):
+            self.write("parts.json", damaged)
+            with self.assertRaisesRegex(ValueError, "gprop' is damaged"):
+                gprop.load(self.folder)
         for damaged in ({}, [], {"stages": [{"name": "vote"}]}):
             self.write("run.json", damaged)
             with self.assertRaisesRegex(ValueError, "run.json"):

@@ -442,7 +442,8 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Recorded outcomes (CSV with the header object,policy,picked_up,undamaged; true or false).
-        #[arg(long, value_name = "FILE.csv", value_parser = option_values::file(), conflicts_with_all = ["scenes", "out"])]
+        #[arg(long, value_name = "FILE.csv", value_parser = option_values::file())]
+        #[arg(conflicts_with_all = ["scenes", "out", "gripper", "allow_read"])]
         outcomes: Option<PathBuf>,
         /// The gripper of the runs.
         #[arg(long, value_name = "NAME|FILE", default_value = "paper")]
@@ -523,14 +524,15 @@ pub enum Evaluate {
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
         /// Folder of a data set that states weights (ABO-500), on which `gprop batch` was run
-        #[arg(long, value_name = "DIR", conflicts_with = "scenes", value_parser = option_values::folder())]
+        #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
+        #[arg(conflicts_with_all = ["scenes", "allow_read"])]
         data_set: Option<PathBuf>,
         /// Only the scenes of this split of the data set
         #[arg(long, value_name = "NAME", requires = "data_set")]
         split: Option<String>,
         /// Predictions in NeRF2Physics' format: [low, high] in kilograms, keyed by id.
-        #[arg(long, value_name = "FILE", requires = "truth", conflicts_with_all = ["scenes", "out", "data_set"])]
-        #[arg(value_parser = option_values::file())]
+        #[arg(long, value_name = "FILE", requires = "truth", value_parser = option_values::file())]
+        #[arg(conflicts_with_all = ["scenes", "out", "data_set", "allow_read"])]
         predictions: Option<PathBuf>,
         /// True masses in kilograms, keyed by the id up to its first underscore.
         #[arg(long, value_name = "FILE", requires = "predictions", value_parser = option_values::file())]

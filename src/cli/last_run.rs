@@ -89,9 +89,8 @@ pub fn flags(
     match Options::of_flags(&flags) {
         Ok(_) => Ok(flags),
         Err(error) => {
-            let text = error.to_string();
-            let problem = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
-            Err(ConfigError::LastRun { path, problem: shown(problem).into_owned() })
+            let problem = shown(&pipeline::problem_of(&error)).into_owned();
+            Err(ConfigError::LastRun { path, problem })
         }
     }
 }

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::error::UsageError;
 
-use super::{Global, command, print, shown};
+use super::{Global, command, print, print_path};
 
 /// `gprop completions SHELL`.
 pub fn completions(global: &Global, shell: clap_complete::Shell) -> anyhow::Result<()> {
@@ -25,7 +25,7 @@ pub fn pages(global: &Global, folder: &Path) -> anyhow::Result<()> {
     let cannot = |error| UsageError(format!("cannot write manual pages into {folder:?}: {error}"));
     std::fs::create_dir_all(folder).map_err(cannot)?;
     clap_mangen::generate_to(command(), folder).map_err(cannot)?;
-    print(global, &folder, || shown(folder))
+    print_path(global, folder)
 }
 
 fn print_text(global: &Global, text: Vec<u8>) -> anyhow::Result<()> {

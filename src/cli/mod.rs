@@ -15,6 +15,7 @@ mod simulate;
 mod tools;
 mod view;
 
+use std::borrow::Cow;
 use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -56,7 +57,10 @@ pub fn main() -> ExitCode {
 /// # Errors
 /// Any failure, with a typed error in its chain from which [`exit::of`] finds the exit code.
 fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
-    let cli = parse(&arguments)?;
+    let cli = match parse(&arguments) {
+        Ok(cli) => cli,
+        Err(error) => refuse(error.downcast::<clap::Error>()?),
+    };
     let global = &cli.global;
     start_log(global);
     if let Some(threads) = global.threads {
@@ -109,6 +113,9 @@ pub fn command() -> clap::Command {
 }
 
 /// Parses the arguments, with the flags of the configuration files and of the last run inserted before them.
+///
+/// # Errors
+/// [`clap::Error`] for invalid usage, help or version; typed errors of the files.
 fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
     parse_with(arguments, config::user_file().as_deref())
 }
@@ -147,8 +154,8 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
         stages.once = last_run::once(command.get_name());
         stages.recorded = scene.map(|scene| last_run::recorded(&own, scene, &known)).unwrap_or_default();
     }
-    let matches = command().try_get_matches_from(all).unwrap_or_else(|error| refuse(error));
-    let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| refuse(error));
+    let matches = command().try_get_matches_from(all)?;
+    let mut cli = Cli::from_arg_matches(&matches)?;
     stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     cli.global.flags = stages;
     Ok(cli)
@@ -246,9 +253,18 @@ fn stage_flags(matches: &clap::ArgMatches) -> Vec<OsString> {
 
 /// The options of a scene that was named with `flags`, if any: the defaults, the user's configuration, the scene's
 /// `gprop.toml`, the flags.
+///
+/// # Errors
+/// If the scene's `gprop.toml` cannot be used. One scene of several must not end the process.
 fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Options> {
     let typed = [OsStr::new("gprop"), OsStr::new("parts"), scene.as_os_str()].map(OsStr::to_owned);
-    match parse(&[&typed, flags].concat())?.command {
+    let wrong = |error: anyhow::Error| -> anyhow::Error {
+        match error.downcast::<clap::Error>() {
+            Ok(invalid) => UsageError(format!("{scene:?}: {}", pipeline::problem_of(&invalid))).into(),
+            Err(error) => error,
+        }
+    };
+    match parse(&[&typed, flags].concat()).map_err(wrong)?.command {
         Command::Parts(args) => Ok(args.work.options),
         _ => Err(UsageError(format!("{scene:?} is not a scene folder")).into()),
     }
@@ -277,6 +293,16 @@ fn print_text(text: &str) -> anyhow::Result<()> {
         }
         _ => Ok(()),
     }
+}
+
+/// Prints the path of a file or folder that was written.
+fn print_path(global: &Global, path: &Path) -> anyhow::Result<()> {
+    print(global, &in_json(path), || shown(path))
+}
+
+/// A path as JSON has it, which knows only Unicode.
+fn in_json(path: &Path) -> Cow<'_, str> {
+    path.to_string_lossy()
 }
 
 /// A path on one line.

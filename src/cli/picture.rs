@@ -5,7 +5,7 @@ use crate::output::counted;
 use crate::pipeline::picture::Picture;
 use crate::workdir::Artifact;
 
-use super::{Global, SceneArgs, WorkArgs, print, shown};
+use super::{Global, SceneArgs, WorkArgs, in_json, print, shown};
 
 /// Segments the picture that `args` name and writes the same files as for a view of a scene, into `--out` or a folder
 /// beside it.
@@ -23,7 +23,7 @@ pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
         return Ok(());
     }
     let result = serde_json::json!({
-        "picture": path,
+        "picture": in_json(path),
         "width": segments.map.width,
         "height": segments.map.height,
         "segments": segments.segments,

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 use serde_json::Value;
 
+use crate::config;
 use crate::consensus::Asked;
 use crate::error::UsageError;
 use crate::film;
@@ -13,7 +14,7 @@ use crate::query::Preview;
 use crate::report;
 use crate::workdir::{self, Artifact};
 
-use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_text, shown};
+use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, in_json, print, print_path, print_text, shown};
 
 /// A stage in the output of a dry run.
 #[derive(Serialize)]
@@ -74,8 +75,13 @@ fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulat
 /// Draws a picture or film, after running the stages that it needs.
 pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     let film = film::Format::of(&args.to);
-    if film.is_none() && global.flags.typed.iter().any(|flag| flag == "--turntable") {
+    let is_typed = |name: &str| global.flags.typed.iter().any(|flag| config::name_of(flag) == name);
+    if film.is_none() && is_typed("turntable") {
         return Err(UsageError(format!("a turntable is a film: name a .gif or .mp4 instead of {:?}", args.to)).into());
+    }
+    if film.is_none() && (is_typed("size") || is_typed("fps")) {
+        let problem = format!("--size and --fps are for a film: name a .gif or .mp4 instead of {:?}", args.to);
+        return Err(UsageError(problem).into());
     }
     let is_png = args.to.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("png"));
     if film.is_none() && !is_png {
@@ -105,7 +111,7 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     };
     workdir::write_atomic(&args.to, |out| out.write_all(&bytes))
         .map_err(|error| UsageError(format!("cannot write {:?}: {error}", args.to)))?;
-    print(global, &args.to, || shown(&args.to))
+    print_path(global, &args.to)
 }
 
 /// Exports the parts, after running the stages up to them.
@@ -115,7 +121,8 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let mut pipeline = open_with(global, &args.scene, work, &args.options, (plan, true))?;
     pipeline.run()?;
     let files = pipeline.export(&args.format, &args.out)?;
-    print(global, &files, || files.iter().map(|file| shown(file) + "\n").collect())
+    let paths: Vec<_> = files.iter().map(|file| in_json(file)).collect();
+    print(global, &paths, || files.iter().map(|file| shown(file) + "\n").collect())
 }
 
 /// Opens a scene to do the stages up to one, with or without the simulation.

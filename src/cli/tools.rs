@@ -6,12 +6,11 @@ use crate::error::UsageError;
 use crate::grasp::CalibrationReport;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
-use crate::output;
 use crate::scene;
 use crate::setup::{self, SetupError};
 use crate::workdir::write_atomic;
 
-use super::{Global, Grasp, Materials, Scale, print};
+use super::{Global, Grasp, Materials, Scale, in_json, print, shown};
 
 /// `gprop setup`.
 pub fn set_up(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
@@ -44,11 +43,11 @@ pub fn grasp(global: &Global, what: &Grasp) -> anyhow::Result<()> {
 pub fn scale(global: &Global, what: &Scale) -> anyhow::Result<()> {
     let Scale::Board { out, marker } = what;
     write_text(out, &scene::marker_board(&marker.marker, marker.meters))?;
-    let drawn = serde_json::json!({ "path": out, "scale": marker.to_string() });
+    let drawn = serde_json::json!({ "path": in_json(out), "scale": marker.to_string() });
     print(global, &drawn, || {
         format!(
             "{}: print it at 100 %, measure the black square, and give --scale {marker}, with your measurement after the `=`\n",
-            output::one_line(&out.to_string_lossy())
+            shown(out)
         )
     })
 }

@@ -8,7 +8,7 @@ use crate::error::UsageError;
 use crate::pipeline::{Stage, work_folder};
 use crate::workdir::{self, Artifact};
 
-use super::{Global, ReportArgs, ViewArgs, print, scene, shown};
+use super::{Global, ReportArgs, ViewArgs, print_path, scene};
 
 /// The program that opens a file with the user's default application for its type.
 const OPENER: &str = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
@@ -30,7 +30,7 @@ pub fn view(global: &Global, args: &ViewArgs) -> anyhow::Result<()> {
     let mut below_folder = page.ancestors().take_while(|path| *path != args.folder);
     below_folder.try_for_each(|path| workdir::refuse_link(path, "`gprop view`"))?;
     open(&page);
-    print(global, &page, || shown(&page))
+    print_path(global, &page)
 }
 
 /// The page in a scene, a work folder, a folder of scenes or the folder that a batch was given by `--out`.

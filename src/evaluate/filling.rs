@@ -4,7 +4,7 @@
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
-use super::simulation::SimulationError;
+use super::simulation::{SimulationError, raise};
 use crate::npz::Npz;
 use crate::simulate::compat::config::Filling;
 use crate::simulate::compat::filling::{Blob, fill, volumes};
@@ -87,6 +87,9 @@ pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
         .zip(&opacity)
         .map(|((p, &covariance), &opacity)| Blob { position: Vector3::from_column_slice(p), opacity, covariance })
         .collect();
+    // The grid is no larger than the reference's arrays, whatever its settings say.
+    let cells = meta.grid_n.checked_pow(3).unwrap_or(usize::MAX);
+    length("count0", npz.i32s("count0")?.len(), cells)?;
     let filled = fill(&blobs, meta.grid_n, meta.grid_dx, &filling)?;
     let reference_count = |npz: &mut Npz, name, ours: &[i32]| -> Result<usize, SimulationError> {
         let theirs = npz.i32s(name)?;
@@ -97,8 +100,9 @@ pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
         let theirs = npz.f32s(name)?;
         length(name, theirs.len(), ours.len())?;
         let most = theirs.iter().fold(0.0_f32, |m, v| m.max(v.abs()));
-        let largest = ours.iter().zip(theirs).map(|(a, b)| (a - b).abs()).fold(0.0_f32, f32::max);
-        Ok(f64::from(largest / most))
+        let mut largest = 0.0;
+        ours.iter().zip(theirs).for_each(|(a, b)| raise(&mut largest, f64::from((a - b).abs())));
+        Ok(if largest == 0.0 { 0.0 } else { f64::from(largest as f32 / most) })
     };
     let places: Vec<Vector3<f32>> = npz.f32s("out_pos")?.chunks_exact(3).map(Vector3::from_column_slice).collect();
     let (cells, side) = VOLUME_GRID;
@@ -107,7 +111,7 @@ pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
         let theirs = npz.f32s(name)?;
         length(name, theirs.len(), places.len())?;
         for (a, b) in volumes(&places, cells, side / cells as f32, uniform).iter().zip(theirs) {
-            volume_rel_max = volume_rel_max.max(f64::from((a / b - 1.0).abs()));
+            raise(&mut volume_rel_max, if *a == b { 0.0 } else { f64::from((a / b - 1.0).abs()) });
         }
     }
     Ok(FillComparison {
@@ -125,4 +129,65 @@ pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
 
 fn length(array: &'static str, found: usize, expected: usize) -> Result<(), SimulationError> {
     if found == expected { Ok(()) } else { Err(SimulationError::Length { array, found, expected }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Cursor, Write};
+
+    use zip::ZipWriter;
+    use zip::write::SimpleFileOptions;
+
+    use super::*;
+    use crate::npy::write_npy;
+
+    /// A reference without particles: its arrays have 2 x 2 x 2 cells, its settings say `side` cells each way.
+    fn reference(side: usize, density: [f32; 8]) -> Npz {
+        let meta = serde_json::json!({
+            "grid_n": side, "grid_dx": 1.0, "density_thres": 1.0, "search_thres": 1.0, "max_particles_per_cell": 1,
+            "search_exclude_dir": 5, "ray_cast_dir": 4,
+        });
+        let meta = meta.to_string();
+        let header = format!("{{'descr': '|S{}', 'fortran_order': False, 'shape': (), }}\n", meta.len());
+        let mut text = b"\x93NUMPY\x01\x00".to_vec();
+        text.extend((header.len() as u16).to_le_bytes());
+        text.extend(header.bytes().chain(meta.bytes()));
+        let floats = |values: &[f32]| {
+            let mut bytes = Vec::new();
+            write_npy(&mut bytes, &[values.len() as u64], values.iter().copied()).unwrap();
+            bytes
+        };
+        let (mut counts, mut total) = (Vec::new(), Vec::new());
+        write_npy(&mut counts, &[8], [0_i32; 8]).unwrap();
+        write_npy(&mut total, &[1], [0_i64]).unwrap();
+        let mut arrays = vec![("meta", text), ("n_total", total), ("density", floats(&density))];
+        arrays.push(("density_used", floats(&[0.0; 8])));
+        arrays.extend(["count0", "count_dense", "count_internal"].map(|name| (name, counts.clone())));
+        let empty = ["pos", "opacity", "cov6", "out_pos", "vol_g48", "vol_g48_uniform"];
+        arrays.extend(empty.map(|name| (name, floats(&[]))));
+        let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
+        for (name, bytes) in arrays {
+            zip.start_file(format!("{name}.npy"), SimpleFileOptions::default()).unwrap();
+            zip.write_all(&bytes).unwrap();
+        }
+        Npz::new(zip.finish().unwrap().into_inner()).unwrap()
+    }
+
+    #[test]
+    fn what_is_not_a_number_differs_and_nothing_does_not() {
+        let compared = |density| compare(&mut reference(2, density)).unwrap();
+        let same = compared([0.0; 8]);
+        assert_eq!((same.cells, same.density_rel_max, same.volume_rel_max), (8, 0.0, 0.0));
+        let mut broken = [0.0; 8];
+        (broken[0], broken[1]) = (1.0, f32::NAN);
+        assert!(compared(broken).density_rel_max.is_nan());
+    }
+
+    #[test]
+    fn a_grid_that_the_arrays_do_not_have_asks_for_no_memory() {
+        for side in [3, 100_000, usize::MAX] {
+            let refused = compare(&mut reference(side, [0.0; 8]));
+            assert!(matches!(refused, Err(SimulationError::Length { array: "count0", .. })), "{side}: {refused:?}");
+        }
+    }
 }

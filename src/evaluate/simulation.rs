@@ -254,7 +254,7 @@ impl Worst {
 }
 
 /// Keeps the larger value; a NaN is kept forever.
-fn raise(worst: &mut f64, value: f64) {
+pub(super) fn raise(worst: &mut f64, value: f64) {
     if value.is_nan() || value > *worst {
         *worst = value;
     }

@@ -121,7 +121,7 @@ pub enum ExportError {
 
 /// Writes the model into `folder` in each of the formats and returns the files, the main one of each format first.
 /// Values that several formats need are computed once. Each file is written completely or not at all. The files of another
-/// object in `folder` stay as they are, except for MJCF's `scene.xml`.
+/// object in `folder` stay as they are, except for MJCF's `scene.xml`, if the two names differ in more than punctuation.
 ///
 /// # Errors
 /// If a format needs the scale, a mass or a closed surface and there is none; if a file would replace the splat or a
@@ -256,9 +256,19 @@ impl Rigid<'_> {
     }
 }
 
-/// A name that every format accepts.
+/// Most bytes of an [`identifier`]: file systems allow 255, and an ending follows.
+const LONGEST_NAME: usize = 200;
+
+/// A name that every format accepts. Letters beyond ASCII become their code points (`u6728`), so that objects whose names
+/// have no others do not get the same; all else becomes underscores.
 fn identifier(name: &str) -> String {
-    let letters: String = name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '_' }).collect();
+    let spelled = |c: char| match c {
+        c if c.is_ascii_alphanumeric() => c.to_string(),
+        c if c.is_alphanumeric() => format!("u{:x}", u32::from(c)),
+        _ => "_".to_owned(),
+    };
+    let mut letters: String = name.chars().map(spelled).collect();
+    letters.truncate(LONGEST_NAME);
     if letters.starts_with(|c: char| c.is_ascii_alphabetic()) { letters } else { format!("object_{letters}") }
 }
 
@@ -314,5 +324,7 @@ mod tests {
             ["scene", "World", "mug", "7 mugs"].map(body_name),
             ["object_scene", "object_World", "mug", "object_7_mugs"]
         );
+        assert_eq!(["木", "鉄", "café 2"].map(body_name), ["u6728", "u9244", "cafue9_2"]);
+        assert!(body_name(&"木".repeat(85)).len() <= 200);
     }
 }

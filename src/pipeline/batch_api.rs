@@ -17,8 +17,8 @@ use crate::query::budget::Budget;
 use crate::query::client::{Client, ClientError};
 use crate::query::cost::Cost;
 use crate::query::question::Question;
-use crate::query::recorded::{Answerer, Recording, key};
-use crate::query::{Failure, Outcome, Queries, QueryError, SegmentQuery};
+use crate::query::recorded::{Answerer, Recording, Who, key};
+use crate::query::{Failure, Outcome, Queries, QueryError, SegmentQuery, Sha256Hex};
 use crate::workdir::Artifact;
 
 use super::query_session::QuerySession;
@@ -57,13 +57,9 @@ pub struct Collected {
     pub jobs_file: PathBuf,
 }
 
-/// Whether a question is not in `submitted`, and is met for the first time.
-fn not_in(submitted: &Submitted, answerer: &Answerer) -> impl FnMut(&SegmentQuery, &Question) -> bool {
-    let mut met = BTreeSet::new();
-    move |segment, question| {
-        let key = key(answerer, &segment.asked(question));
-        !submitted.awaits(&key) && met.insert(key)
-    }
+/// Whether the key of a question is not in `taken`, to which it is then added.
+fn not_in(taken: &mut BTreeSet<Sha256Hex>, answerer: &Answerer) -> impl FnMut(&SegmentQuery, &Question) -> bool {
+    move |segment, question| taken.insert(key(answerer, &segment.asked(question)))
 }
 
 impl QuerySession<'_> {
@@ -77,18 +73,21 @@ impl QuerySession<'_> {
         let queries = self.queries()?;
         let mut submitted = self.submitted()?;
         let waiting = submitted.jobs.iter().map(|job| job.waiting.len()).sum();
-        let first = self.requests(client, &queries, &submitted, "");
+        let mut taken = submitted.keys();
+        let first = self.requests(client, &queries, "", &mut taken.clone());
         if first.is_empty() {
             return Ok(Sent { sent: 0, waiting });
         }
-        let (now, later) = self.submission_cost(client, &queries, &submitted, 1);
+        let (now, later) = self.submission_cost(client, &queries, 1, &mut taken.clone());
         let budget = Budget::new(self.price().cloned(), self.options.max_usd);
         check_submission(&now.plus(later), &budget, client.answerer())?;
         client.announce_submission(first.len(), &now.plus(later));
-        self.ask_first(client, &queries, &submitted, &budget)?;
-        let requests = self.requests(client, &queries, &submitted, "");
+        let answered = self.ask_first(client, &queries, &budget, &mut taken.clone())?;
+        // With --answers live, it stays open although it is recorded.
+        taken.extend(answered.and_then(Result::ok).map(|recording| recording.key));
+        let requests = self.requests(client, &queries, "", &mut taken.clone());
         let sent = requests.len();
-        let (_, later) = self.submission_cost(client, &queries, &submitted, 0);
+        let (_, later) = self.submission_cost(client, &queries, 0, &mut taken);
         check_submission(&later, &budget, client.answerer())?;
         batch_api::submit(client, requests, |job| -> Result<()> {
             submitted.jobs.push(job);
@@ -97,36 +96,56 @@ impl QuerySession<'_> {
         Ok(Sent { sent, waiting })
     }
 
-    /// The cost of asking the open questions that are not already in `submitted`: the first `at_once` of them live, and
-    /// the others through the Batch API.
+    /// The cost of asking the open questions that are not `taken`, to which they are added: the first `at_once` of them
+    /// live, and the others through the Batch API.
     pub fn submission_cost(
         &self,
         client: &Client,
         queries: &Queries,
-        submitted: &Submitted,
         at_once: usize,
+        taken: &mut BTreeSet<Sha256Hex>,
     ) -> (Cost, Cost) {
-        let due = not_in(submitted, client.answerer());
+        let due = not_in(taken, client.answerer());
         queries.submission_cost(&self.recordings, client.answerer(), self.price(), at_once, due)
     }
 
-    /// Asks the first open question that is not already in `submitted` at once.
+    /// Asks the first open question that is not `taken`, to which it is added, at once. Returns the recorded answer, or why
+    /// there is none; `None` if no question is open.
     ///
     /// # Errors
     /// If the server cannot answer it.
-    pub fn ask_first(&self, client: &Client, queries: &Queries, submitted: &Submitted, budget: &Budget) -> Result<()> {
-        match queries.ask_first(&self.recordings, client, budget, not_in(submitted, client.answerer()))? {
-            Some(Outcome::Failed(Failure::Endpoint { message })) => {
+    pub fn ask_first(
+        &self,
+        client: &Client,
+        queries: &Queries,
+        budget: &Budget,
+        taken: &mut BTreeSet<Sha256Hex>,
+    ) -> Result<Option<Result<Recording, Failure>>> {
+        let first = queries.ask_first(&self.recordings, client, budget, not_in(taken, client.answerer()))?;
+        let Some((asked, outcome)) = first else { return Ok(None) };
+        match outcome {
+            Outcome::Failed(Failure::Endpoint { message }) => {
                 Err(QueryError::BatchApi(AskError::Failed(message)).into())
             }
-            _ => Ok(()),
+            Outcome::Failed(failure) => Ok(Some(Err(failure))),
+            Outcome::Answered(_) => {
+                let recorded = self.recordings.find(&asked, Who::Exactly(client.answerer()), &|_| true);
+                let (recording, _) = recorded.expect("an answer is recorded before it is returned");
+                Ok(Some(Ok(recording)))
+            }
         }
     }
 
-    /// The open questions that are not already in `submitted`, with the owner `owner`.
-    pub fn requests(&self, client: &Client, queries: &Queries, submitted: &Submitted, owner: &str) -> Vec<Request> {
+    /// The open questions that are not `taken`, to which they are added, with the owner `owner`.
+    pub fn requests(
+        &self,
+        client: &Client,
+        queries: &Queries,
+        owner: &str,
+        taken: &mut BTreeSet<Sha256Hex>,
+    ) -> Vec<Request> {
         let open = queries.unanswered(&self.recordings, Some(client.answerer()));
-        let mut due = not_in(submitted, client.answerer());
+        let mut due = not_in(taken, client.answerer());
         let mut requests: BTreeMap<_, Request> = BTreeMap::new();
         for (segment, question) in open.into_iter().filter(|(segment, question)| due(segment, question)) {
             let asked = segment.asked(question);
@@ -220,7 +239,7 @@ impl Collected {
             Ok(JobProgress::Running(counts)) => {
                 self.running += 1;
                 self.running_done += counts.completed + counts.failed;
-                self.running_total += job.waiting.len();
+                self.running_total += job.requests();
             }
             Err(AskError::Failed(reason)) => {
                 progress::notice(&format!("job {} cannot be fetched: {reason}; its questions still wait", job.id));

@@ -53,8 +53,8 @@ impl Pipeline {
     }
 
     pub(super) fn do_consensus(&self) -> Result<Done> {
+        self.remove_parts()?;
         if self.options.consensus.ask == Asked::Segments {
-            self.remove_parts()?;
             return Ok(Done::writing([]));
         }
         let gaussians = &self.scene.gaussians;
@@ -92,7 +92,8 @@ impl Pipeline {
         Ok(Done::writing(written).warning(warnings(&file.parts)))
     }
 
-    /// Removes the parts that an earlier run left, which would be taken for this run's.
+    /// Removes the parts that an earlier run left, which would be taken for this run's; also in views that are not chosen
+    /// now.
     fn remove_parts(&self) -> Result<()> {
         let maps = self.scene.views.iter().map(|view| Artifact::PartMap(&view.name));
         for artifact in maps.chain([Artifact::FoundParts, Artifact::PartOfGaussian]) {
@@ -108,6 +109,10 @@ impl Pipeline {
         }
         get_or_load(&self.found, || {
             let PartsFile { parts } = self.work.read_json(Artifact::FoundParts)?;
+            if !are_numbered(&parts) {
+                let problem = "its parts are not numbered from 1 on, or one is a piece of a part that it does not list";
+                return Err(self.work.damaged(Artifact::FoundParts, problem).into());
+            }
             let map = |view: &View| {
                 let artifact = Artifact::PartMap(&view.name);
                 let map = LabelMap::from_png(&self.work.read(artifact)?)
@@ -133,6 +138,14 @@ impl FoundParts {
     pub fn whole_parts(&self, view: usize) -> LabelMap {
         renamed(&self.maps[view], |id| self.part_of(id))
     }
+}
+
+/// True if the parts are numbered from 1 on, and each piece belongs to one of them.
+fn are_numbered(parts: &[FoundPart]) -> bool {
+    let is_numbered = |(number, FoundPart { part, .. }): (usize, &FoundPart)| {
+        usize::from(part.id) == number && part.piece_of.is_none_or(|of| (1..=parts.len()).contains(&usize::from(of)))
+    };
+    (1..).zip(parts).all(is_numbered)
 }
 
 pub(super) fn renamed(map: &LabelMap, name: impl Fn(u16) -> u16) -> LabelMap {

@@ -27,8 +27,13 @@ impl Pipeline {
 
     /// True if the user asks for a grasp, and an earlier run that did not need one found no place.
     pub(super) fn lacks_a_place(&self) -> bool {
+        self.asks_for_a_place() && self.found_no_place()
+    }
+
+    /// True if the stage was done without finding a place.
+    pub(super) fn found_no_place(&self) -> bool {
         let is_missing = |report: Option<GraspReport>| report.is_none_or(|report| report.candidates.is_empty());
-        self.asks_for_a_place() && self.stored_grasp().is_ok_and(is_missing)
+        self.stored_grasp().is_ok_and(is_missing)
     }
 
     /// If the user asks for a grasp, a grasp that cannot be computed is an error; if it is only needed for a report, it

@@ -57,6 +57,7 @@ pub use vote::stored_field;
 
 pub use batch_api::{Collected, Sent, check_submission};
 pub use builder::Builder;
+pub(crate) use options::problem_of;
 pub use options::{Options, THREADS, known_flags, scene_keys};
 pub use plan::{Plan, Stage};
 pub use preset::Preset;
@@ -90,6 +91,8 @@ pub struct Pipeline {
     gripper: GripperProfile,
     scene: Scene,
     views: Vec<View>,
+    /// Identifies the models that make the masks.
+    models: OnceLock<String>,
     segmentation: OnceLock<Segmentation>,
     found: OnceLock<consensus::FoundParts>,
     answers: OnceLock<Answers>,
@@ -171,6 +174,7 @@ impl Pipeline {
             library,
             gripper,
             scene,
+            models: OnceLock::new(),
             segmentation: OnceLock::new(),
             found: OnceLock::new(),
             answers: OnceLock::new(),

@@ -53,11 +53,7 @@ impl Options {
         let read = || -> Result<Self> {
             let flags = config::flags_of_scene(scene, &known_flags())?;
             let file = scene.join(config::FILE_NAME);
-            let wrong = |error: clap::Error| {
-                let text = error.to_string();
-                let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ");
-                UsageError(format!("{file:?}: {what}"))
-            };
+            let wrong = |error: clap::Error| UsageError(format!("{file:?}: {}", problem_of(&error)));
             Ok(Self::of_flags(&flags).map_err(wrong)?)
         };
         read().map_err(Error)
@@ -71,6 +67,12 @@ impl Options {
         let command = Self::augment_args(stages().no_binary_name(true).args_override_self(true));
         Self::from_arg_matches(&command.try_get_matches_from(flags)?)
     }
+}
+
+/// What clap says is wrong, on one line and without the usage.
+pub(crate) fn problem_of(error: &clap::Error) -> String {
+    let text = error.to_string();
+    text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned()
 }
 
 impl Preset {

@@ -23,8 +23,8 @@ use super::query_session::{QuerySession, QueryView, Subjects, check_recordings};
 use super::record::Hasher;
 use super::scene::file_digest;
 use super::segment::{
-    SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, remove_other_formats, stored_segments,
-    write_other_formats,
+    SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, remove_other_formats, shows_only,
+    stored_segments, write_other_formats,
 };
 use super::{Options, png};
 
@@ -75,6 +75,10 @@ impl Picture {
                 "--segments is for the views of a scene; gprop finds a picture's segments itself".to_owned(),
             )
             .into());
+        }
+        if options.scene.masks.is_some() {
+            let problem = "--masks is for the views of a scene; give `gprop query` the mask of a picture with --mask";
+            return Err(UsageError(problem.to_owned()).into());
         }
         check_formats(&options.segment.also)?;
         let (photo, size) = Photo::open(path, mask)?;
@@ -151,22 +155,30 @@ fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<S
     Ok(hasher.hex())
 }
 
-/// The segments of the picture in the file `name` that an earlier run found; `None` if there are none or they are no
-/// longer valid.
+/// The segments of the picture in the file `name` that an earlier run found; `None` if there are none, they are no
+/// longer valid, or the picture had another name then.
 ///
 /// # Errors
-/// If the work folder holds the results of a picture with another name, which would be overwritten.
+/// If the work folder holds the results of another picture, which would be overwritten.
 fn segmented_before(work: &WorkDir, name: &str, key: &str) -> Result<Option<ViewSegments>, UsageError> {
     let mut stored = stored_segments(work);
     if let Some(other) = stored.picture.as_deref().filter(|other| *other != name) {
+        // The key covers the picture's content but not its name.
+        if stored.views.values().any(|entry| entry.key == key) {
+            return Ok(None);
+        }
         return Err(UsageError(format!(
-            "the work folder {:?} holds the results of {other:?}, not of {name:?}: rename the picture back, or name another folder with --out",
+            "the work folder {:?} holds the results of {other:?}, not of {name:?}: name another folder with --out, or, if the \
+             picture was only renamed, repeat the options of that run",
             work.root()
         )));
     }
     let view = view_name(name);
     let Some((entry, png)) = stored.take(work, &view, key) else { return Ok(None) };
     let Ok(map) = LabelMap::from_png(&png) else { return Ok(None) };
+    if !shows_only(&map, &entry.segments) {
+        return Ok(None);
+    }
     info!("the segments found earlier are still valid");
     Ok(Some(ViewSegments { view, map, segments: entry.segments }))
 }
@@ -189,12 +201,22 @@ fn segment(
     let found = found.views.into_iter().next().context("one picture has one view")?;
     let written = at_size(found.clone(), size);
     remove_other_formats(work, &[&view])?;
+    for (other, entry) in stored_segments(work).views.iter().filter(|(other, _)| **other != view) {
+        remove_results(work, other, entry)?;
+    }
     let png = written.map.to_png()?;
     work.write(Artifact::LabelMap(&view), &png)?;
     let entry = ViewEntry::new(&view, key, written.segments, &png);
     let file = SegmentsFile { picture: Some(name.to_owned()), views: [(view, entry)].into() };
     work.write_json(Artifact::Segments, &file)?;
     Ok(found)
+}
+
+/// Removes what was written under the name that a renamed picture had.
+fn remove_results(work: &WorkDir, view: &str, entry: &ViewEntry) -> Result<(), WorkDirError> {
+    remove_other_formats(work, &[view])?;
+    let sheets = entry.segments.iter().map(|segment| Artifact::Sheet(view, segment.id));
+    sheets.chain([Artifact::LabelMap(view)]).try_for_each(|artifact| work.remove(artifact))
 }
 
 /// The segments, scaled to another size of the picture.
@@ -236,8 +258,35 @@ mod tests {
         let work = WorkDir::open(&root).unwrap();
         assert!(segmented_before(&work, "mug.jpg", "key").unwrap().is_some());
         assert!(segmented_before(&work, "mug.jpg", "changed").unwrap().is_none());
-        let refused = segmented_before(&work, "mug.png", "key").unwrap_err().to_string();
+        let refused = segmented_before(&work, "mug.png", "another's").unwrap_err().to_string();
         assert!(["mug.jpg", "mug.png", "--out"].iter().all(|part| refused.contains(part)), "{refused}");
+        assert!(segmented_before(&work, "cup.jpg", "key").unwrap().is_none(), "renamed, so it is segmented again");
+    }
+
+    #[test]
+    fn a_renamed_picture_leaves_nothing_under_its_old_name() {
+        let folder = tempfile::tempdir().unwrap();
+        write_results(folder.path(), "mug.jpg", "key".to_owned());
+        let work = WorkDir::open(folder.path()).unwrap();
+        work.write(Artifact::Sheet("mug", 1), b"sheet").unwrap();
+        let stored = stored_segments(&work);
+        remove_results(&work, "mug", &stored.views["mug"]).unwrap();
+        assert!([Artifact::LabelMap("mug"), Artifact::Sheet("mug", 1)].iter().all(|of| work.size(*of).is_none()));
+    }
+
+    /// A work folder may come with a picture from anyone: its segments lie in each other without end.
+    #[test]
+    fn segments_that_lie_in_each_other_are_found_again() {
+        let folder = tempfile::tempdir().unwrap();
+        write_results(folder.path(), "mug.jpg", "key".to_owned());
+        let work = WorkDir::open(folder.path()).unwrap();
+        let png = work.read(Artifact::LabelMap("mug")).unwrap();
+        let mut stored = stored_segments(&work);
+        let mut segments = stored.views.remove("mug").unwrap().segments;
+        segments[0].parent = 1;
+        stored.views.insert("mug".to_owned(), ViewEntry::new("mug", "key".to_owned(), segments, &png));
+        work.write_json(Artifact::Segments, &stored).unwrap();
+        assert!(segmented_before(&work, "mug.jpg", "key").unwrap().is_none());
     }
 
     #[test]

@@ -109,7 +109,16 @@ impl Pipeline {
 
     /// The stored answers.
     pub(super) fn stored_answers(&self) -> Result<&Answers> {
-        get_or_load(&self.answers, || read_answers(&self.work))
+        get_or_load(&self.answers, || {
+            let answers = read_answers(&self.work)?;
+            // The names of files are made of the views' names, and the work folder may come from anyone.
+            let unknown = answers.segments.iter().find(|answer| !self.votes(&answer.view));
+            if let Some(SegmentAnswer { view, .. }) = unknown {
+                let problem = format!("it has an answer about {view:?}, which is not among the chosen views");
+                return Err(self.work.damaged(Artifact::Answers, problem).into());
+            }
+            Ok(answers)
+        })
     }
 
     /// Estimates what a query would send, and its cost.

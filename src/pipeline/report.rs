@@ -14,8 +14,6 @@ use crate::report::{
     self, AnswerCounts, Cloud, Disagreement, InputFile, Motion, Pictures, Remark, Report, Reproduction, SceneSummary,
     SheetPicture, StageTime, ViewPictures,
 };
-use crate::scene::gaussians::Gaussians;
-use crate::scene::ply;
 use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
 use crate::workdir::{Artifact, hexadecimal};
@@ -100,9 +98,7 @@ impl Pipeline {
 
     /// How the Gaussians of `cloud` move in the simulation.
     fn motion(&self, cloud: &Cloud, simulation: &SimulationReport) -> Result<Motion> {
-        let mut load =
-            |frame| -> Result<Gaussians> { Ok(ply::read(&self.work.path(Artifact::Frame(frame)))?.gaussians) };
-        Motion::new(cloud, &self.scene.gaussians, simulation, &mut load)
+        Motion::new(cloud, &self.scene.gaussians, simulation, &mut |frame| self.frame(frame))
     }
 
     /// The command line that reproduces this result from the folder above the scene's.

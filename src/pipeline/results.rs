@@ -69,16 +69,23 @@ impl Pipeline {
     /// world frame.
     ///
     /// # Errors
-    /// As for [`parts`](Self::parts); also if a part or point that the options name does not exist.
+    /// As for [`parts`](Self::parts); also if the object cannot be grasped, or a part or point that the options name does
+    /// not exist.
     pub fn grasp(&mut self) -> Result<GraspReport, Error> {
+        // If only a report needed it, a grasp that cannot be computed was a warning. Here it is an error, which says why.
+        if self.done.contains(&Stage::Grasp) && self.found_no_place() {
+            self.done.retain(|stage| *stage != Stage::Grasp);
+        }
         self.up_to(Stage::Grasp)?;
         metric(self.stored_grasp())
     }
 
-    /// Does the stages that `to` needs and that this pipeline has not done yet.
+    /// Does the stages that `to` needs and that this pipeline has not done yet. The plan of [`run`](Self::run) stays.
     fn up_to(&mut self, to: Stage) -> Result<(), Error> {
-        self.plan.to = to;
-        self.carry_out().map_err(Error)
+        let last = std::mem::replace(&mut self.plan.to, to);
+        let done = self.carry_out();
+        self.plan.to = last;
+        done.map_err(Error)
     }
 }
 

@@ -1,5 +1,6 @@
 //! The scene on disk: its key is a hash of its files; its artifact is the list of the chosen views.
 
+use std::borrow::Cow;
 use std::iter;
 use std::path::Path;
 
@@ -34,7 +35,7 @@ struct StoredScale {
 struct ViewEntry<'a> {
     name: &'a str,
     /// Relative to the scene's folder if it lies in it.
-    image: &'a Path,
+    image: Cow<'a, str>,
     #[serde(flatten)]
     camera: &'a Camera,
 }
@@ -75,7 +76,8 @@ impl Pipeline {
     pub(super) fn do_scene(&self) -> Result<Done> {
         let views = self.views.iter().map(|view| ViewEntry {
             name: &view.name,
-            image: view.image.strip_prefix(&self.folder).unwrap_or(&view.image),
+            // JSON has only Unicode.
+            image: view.image.strip_prefix(&self.folder).unwrap_or(&view.image).to_string_lossy(),
             camera: &view.camera,
         });
         let mut warnings = self.scene.warnings.clone();

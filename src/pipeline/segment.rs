@@ -8,6 +8,7 @@ use anyhow::{Context, Result};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use crate::camera::Intrinsics;
 use crate::error::UsageError;
 use crate::from_splat::photo_with_foreground;
 use crate::progress::Progress;
@@ -49,10 +50,23 @@ impl ViewEntry {
         Self { seal: seal(view, &key, &segments, &map), key, segments, map }
     }
 
-    /// True if the entry belongs to the view and is unchanged.
+    /// True if the entry belongs to the view, is unchanged, and numbers its segments as gprop does.
     fn is_whole(&self, view: &str) -> bool {
-        self.seal == seal(view, &self.key, &self.segments, &self.map)
+        self.seal == seal(view, &self.key, &self.segments, &self.map) && are_nested(&self.segments)
     }
+}
+
+/// True if the segments are numbered from 1 on, and each lies in one with a lower number if it lies in any. A work folder
+/// may come from anyone, and whoever follows the parents of a segment must come to an end.
+fn are_nested(segments: &[Segment]) -> bool {
+    let is_nested =
+        |(number, segment): (usize, &Segment)| usize::from(segment.id) == number && segment.parent < segment.id;
+    (1..).zip(segments).all(is_nested)
+}
+
+/// True if the map shows no other segments than these.
+pub(super) fn shows_only(map: &LabelMap, segments: &[Segment]) -> bool {
+    map.labels.iter().all(|&label| usize::from(label) <= segments.len())
 }
 
 fn seal(view: &str, key: &str, segments: &[Segment], map: &Checksum) -> String {
@@ -197,14 +211,23 @@ impl Pipeline {
     pub(super) fn segmentation(&self) -> Result<&Segmentation> {
         get_or_load(&self.segmentation, || {
             let mut file: SegmentsFile = self.work.read_json(Artifact::Segments)?;
-            let views = self.views.iter().map(|view| {
+            let views = self.views.iter().map(|view| -> Result<ViewSegments> {
                 let artifact = Artifact::LabelMap(&view.name);
                 let map = LabelMap::from_png(&self.work.read(artifact)?)
                     .map_err(|problem| self.work.damaged(artifact, problem))?;
                 let entry = file.views.remove(&view.name);
                 let missing = || self.work.damaged(Artifact::Segments, format!("it has no view {}", view.name));
-                let entry = entry.ok_or_else(missing)?;
-                Ok(ViewSegments { view: view.name.clone(), map, segments: entry.segments })
+                let segments = entry.ok_or_else(missing)?.segments;
+                if !are_nested(&segments) {
+                    let problem = format!("the segments of view {} are not numbered as gprop numbers them", view.name);
+                    return Err(self.work.damaged(Artifact::Segments, problem).into());
+                }
+                let Intrinsics { width, height, .. } = view.camera.intrinsics;
+                if (map.width, map.height) != (width, height) || !shows_only(&map, &segments) {
+                    let problem = "it does not fit the photo or the view's segments in segments.json";
+                    return Err(self.work.damaged(artifact, problem).into());
+                }
+                Ok(ViewSegments { view: view.name.clone(), map, segments })
             });
             Ok(Segmentation { views: views.collect::<Result<_>>()? })
         })
@@ -234,7 +257,7 @@ impl Pipeline {
         let (gaussians, masks) = (self.gaussians_key()?, self.masks_key());
         // In parallel, because some photos are decoded.
         let keys: Vec<Result<String>> =
-            self.views.par_iter().map(|view| self.view_key(view, &gaussians, &masks)).collect();
+            self.views.par_iter().map(|view| self.view_key(view, &gaussians, masks)).collect();
         self.views.iter().zip(keys).map(|(view, key)| Ok((view.name.as_str(), key?))).collect()
     }
 
@@ -257,9 +280,10 @@ impl Pipeline {
         Ok(hasher.with(masks.as_bytes()).hex())
     }
 
-    /// Identifies the models that make the masks, if any do.
-    fn masks_key(&self) -> String {
-        if self.options.segment.segments.is_some() { String::new() } else { models_key(&self.options.setup) }
+    /// Identifies the models that make the masks, if any do. The user's own are read only once: they may have gigabytes.
+    fn masks_key(&self) -> &str {
+        let imports = self.options.segment.segments.is_some();
+        self.models.get_or_init(|| if imports { String::new() } else { models_key(&self.options.setup) })
     }
 }
 

@@ -63,8 +63,7 @@ impl Pipeline {
         let report = simulate::simulate(&input, options, self.checkpoint(key), &mut save, self.progress)?;
 
         let mut load = |index| -> Result<Gaussians> {
-            let frame = ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians;
-            Ok(Gaussians { set_aside: self.scene.gaussians.set_aside.clone(), ..frame })
+            Ok(Gaussians { set_aside: self.scene.gaussians.set_aside.clone(), ..self.frame(index)? })
         };
         let simulated = simulate::simulated(&self.scene.gaussians);
         let films = Shooting::new(&report, &options.viewpoint, photo, &simulated).films(&mut load, self.progress)?;
@@ -103,6 +102,13 @@ impl Pipeline {
             self.work.remove(other)?;
         }
         Ok(artifact)
+    }
+
+    /// The Gaussians of a stored frame.
+    pub(super) fn frame(&self, index: usize) -> Result<Gaussians> {
+        let frame = ply::read(&self.work.path(Artifact::Frame(index)))?.gaussians;
+        self.require_all_gaussians(Artifact::Frame(index), frame.len())?;
+        Ok(frame)
     }
 
     /// The stored report of the simulation.

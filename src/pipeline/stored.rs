@@ -17,9 +17,10 @@ use crate::query::LabelSet;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{ScaleChoice, SceneError, View, outliers};
 use crate::segment::ViewSegments;
+use crate::setup;
 use crate::units::MetricScale;
 use crate::vote::MaterialField;
-use crate::workdir::{Artifact, Standing, WorkDir, WorkDirError};
+use crate::workdir::{self, Artifact, Standing, WorkDir, WorkDirError};
 
 use super::parts::scale_after_weighing;
 use super::record::{RunRecord, version};
@@ -38,9 +39,10 @@ impl Stored {
     ///
     /// # Errors
     /// [`WorkDirError::Unfinished`] if one of the stages is not done, was done before a stage that it reads from was
-    /// done again, or wrote files that have changed since.
+    /// done again, or wrote files that have changed since; [`WorkDirError::Link`] if the folder is a link that the user
+    /// did not name.
     pub fn open(folder: &Path, out: Option<&Path>, stages: &[Stage]) -> Result<Self, WorkDirError> {
-        let root = work_folder(folder, out);
+        let root = workdir::named_or(out, work_folder(folder, None))?;
         let command = match out {
             None => format!("gprop run {}", folder.display()),
             Some(out) => format!("gprop run {} --out {}", folder.display(), out.display()),
@@ -160,12 +162,18 @@ pub(super) fn with_portable_paths(options: &Options, folder: &Path) -> Options {
     let mut options = options.clone();
     for path in paths(&mut options) {
         let portable = config::portable(path, folder);
-        // A path that is not Unicode has no place in JSON.
-        if portable.to_str().is_some() {
-            *path = portable;
-        }
+        *path = if portable.to_str().is_some() { portable } else { unicode(path) };
+    }
+    let setup::Options { ort_lib, sam_encoder, sam_decoder, .. } = &mut options.setup;
+    for path in [ort_lib, sam_encoder, sam_decoder].into_iter().flatten() {
+        *path = unicode(path);
     }
     options
+}
+
+/// The path as JSON, which has only Unicode, can show it. If that is not the path itself, it is only for people to read.
+fn unicode(path: &Path) -> PathBuf {
+    path.to_string_lossy().into_owned().into()
 }
 
 /// The files and folders of the user that the options name, as far as they determine what was read.

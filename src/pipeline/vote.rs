@@ -8,13 +8,14 @@ use anyhow::Result;
 use image::RgbImage;
 
 use crate::from_splat::photo_with_foreground;
+use crate::output::counted;
 use crate::pictures::figure::{self, Shown, Subject};
 use crate::pictures::{field_colors, framing, thumbnail};
 use crate::query::Answers;
 use crate::scene::gaussians::Gaussians;
 use crate::scene::{View, ply};
 use crate::segment::LabelMap;
-use crate::vote::{MaterialField, ViewInput, field_ply, vote, vote_on_parts};
+use crate::vote::{FieldLabel, MaterialField, ViewInput, field_ply, vote, vote_on_parts};
 use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::{Done, Pipeline, Stage, get_or_load, png};
@@ -75,7 +76,23 @@ impl Pipeline {
 
     /// The stored material field.
     pub(super) fn stored_field(&self) -> Result<&MaterialField> {
-        get_or_load(&self.field, || Ok(stored_field(self.work.root())?.1))
+        get_or_load(&self.field, || {
+            let (_, field) = stored_field(self.work.root())?;
+            self.require_all_gaussians(Artifact::Field, field.part_label.len())?;
+            Ok(field)
+        })
+    }
+
+    /// Fails unless a stored splat has as many Gaussians as the scene: the work folder may come from anyone.
+    pub(super) fn require_all_gaussians(&self, artifact: Artifact, found: usize) -> Result<(), WorkDirError> {
+        let expected = self.scene.gaussians.len();
+        match found == expected {
+            true => Ok(()),
+            false => {
+                let problem = format!("it has {} instead of {expected}", counted(found, "Gaussian"));
+                Err(self.work.damaged(artifact, problem))
+            }
+        }
     }
 }
 
@@ -90,8 +107,12 @@ pub(super) fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<Vi
 /// # Errors
 /// If there is no field, or gprop did not write it.
 pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
-    let path = root.join(Artifact::Field.path());
-    let labels = workdir::read_json(&root.join(Artifact::Labels.path()))?;
+    let [path, path_of_labels] = [Artifact::Field, Artifact::Labels].map(|artifact| root.join(artifact.path()));
+    let labels: Vec<FieldLabel> = workdir::read_json(&path_of_labels)?;
+    if !(0..).zip(&labels).all(|(id, label)| label.id == id) {
+        let problem = "its labels are not numbered from 0 on".to_owned();
+        return Err(WorkDirError::Damaged { path: path_of_labels, problem }.into());
+    }
     let gaussians = ply::read(&path)?.gaussians;
     let field = field_ply::read(&gaussians.extra, labels)
         .ok_or_else(|| WorkDirError::Damaged { path, problem: "it lacks the field's columns or labels".to_owned() })?;

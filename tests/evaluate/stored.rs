@@ -149,6 +149,20 @@ fn what_a_work_folder_in_a_scene_says_is_not_read_elsewhere() {
 }
 
 #[test]
+fn a_scene_brings_no_link_for_the_results() {
+    let balls = Balls::new(1);
+    balls.write_truth(0);
+    run(&balls, "parts", &[]);
+    let (work, elsewhere) = (balls.scene(0).join("gprop"), balls.folder().with_file_name("elsewhere"));
+    fs::rename(&work, &elsewhere).unwrap();
+    std::os::unix::fs::symlink(&elsewhere, &work).unwrap();
+    for output in [segmentation(&balls, &[]), mass(&balls, &[])] {
+        refused(&output, &["gprop\" is a link", "--out"]);
+    }
+    measured(&mass(&balls, &["--out", text(&work)]));
+}
+
+#[test]
 fn the_paths_of_a_run_lead_to_the_same_files_from_any_folder() {
     let balls = Balls::new(1);
     balls.write_truth(0);

@@ -4,6 +4,8 @@ use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
 
+use gprop::segment::LabelMap;
+use gprop::workdir::Checksum;
 use serde_json::{Value, json};
 
 use super::{assert_refused, run};
@@ -172,6 +174,80 @@ fn what_a_work_folder_says_of_itself_is_not_followed() {
         assert_ne!(output.status.code(), Some(70), "{name}: {}", String::from_utf8_lossy(&output.stderr));
         bystander.assert_untouched();
     }
+}
+
+/// Gives a file of a work folder other bytes, and `run.json` their checksum, as a stranger who made the folder might.
+fn forge(work: &Path, file: &str, bytes: &[u8]) {
+    fs::write(work.join(file), bytes).unwrap();
+    let path = work.join("run.json");
+    let mut record: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let Checksum { bytes, sha256 } = Checksum::of(bytes);
+    for stage in record["stages"].as_array_mut().unwrap() {
+        for output in stage["outputs"].as_array_mut().unwrap().iter_mut().filter(|output| output["path"] == file) {
+            (output["bytes"], output["sha256"]) = (json!(bytes), json!(sha256));
+        }
+    }
+    fs::write(&path, record.to_string()).unwrap();
+}
+
+#[test]
+fn a_work_folder_whose_files_contradict_each_other_is_refused() {
+    let (balls, out, other) = (Balls::new(2), tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    let run = |scene: usize, out: &Path, more: &[&str]| {
+        let mut command = gprop();
+        command.env_remove("OPENAI_API_KEY").arg("run").arg(balls.scene(scene)).args(["--to", "parts", "-q", "--out"]);
+        command.arg(out).args(more).args(balls.answers()).output().unwrap()
+    };
+    for (scene, out) in [(0, &out), (1, &other)] {
+        assert!(run(scene, out.path(), &[]).status.success());
+    }
+    let read = |file: &str| fs::read(out.path().join(file)).unwrap();
+    let refused = |file: &str, bytes: &[u8], from: &str, words: &[&str]| {
+        let (before, record) = (read(file), read("run.json"));
+        assert!(before != bytes, "{file}");
+        forge(out.path(), file, bytes);
+        let words = [&[file, "is not what gprop wrote"], words].concat();
+        assert_refused(&run(0, out.path(), &["--from", from]), 2, &words);
+        fs::write(out.path().join(file), before).unwrap();
+        fs::write(out.path().join("run.json"), record).unwrap();
+    };
+    // A segment that lies in itself.
+    let mut segments: Value = serde_json::from_slice(&read("segments/segments.json")).unwrap();
+    segments["views"]["000"]["segments"][0]["parent"] = json!(1);
+    refused("segments/segments.json", segments.to_string().as_bytes(), "query", &["view 000", "not numbered"]);
+    // A map of another size, and one with a segment more.
+    let map = LabelMap::from_png(&read("segments/000.png")).unwrap();
+    let small = map.resized(4, 4).to_png().unwrap();
+    refused("segments/000.png", &small, "query", &["does not fit the photo"]);
+    let more = LabelMap { labels: vec![9; map.labels.len()], ..map }.to_png().unwrap();
+    refused("segments/000.png", &more, "query", &["segments in segments.json"]);
+    // An answer whose view is a path.
+    let answers = String::from_utf8(read("answers.jsonl")).unwrap().replace("\"000\"", "\"../../000\"");
+    refused("answers.jsonl", answers.as_bytes(), "vote", &["../../000", "not among the chosen views"]);
+    // The field of another scene, and labels with numbers of their own.
+    let field = fs::read(other.path().join("field.ply")).unwrap();
+    refused("field.ply", &field, "parts", &["300 Gaussians instead of 200"]);
+    let mut labels: Value = serde_json::from_slice(&read("labels.json")).unwrap();
+    labels[0]["id"] = json!(99);
+    refused("labels.json", labels.to_string().as_bytes(), "parts", &["not numbered"]);
+    assert!(run(0, out.path(), &["--from", "query"]).status.success(), "as it was");
+}
+
+#[test]
+fn frames_of_another_scene_are_refused() {
+    let (balls, outs) = (Balls::new(2), [tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap()]);
+    let run = |scene: usize, more: &[&str]| {
+        let mut command = gprop();
+        command.env_remove("OPENAI_API_KEY").arg("run").arg(balls.scene(scene)).arg("--out").arg(outs[scene].path());
+        command.args(["-q", "--frames", "2", "--duration", "0.01", "--grid", "8", "--size", "320x180"]);
+        command.args(more).args(balls.answers()).output().unwrap()
+    };
+    for scene in [0, 1] {
+        assert!(run(scene, &[]).status.success());
+    }
+    let frame = "simulation/frames/0001.ply";
+    forge(outs[0].path(), frame, &fs::read(outs[1].path().join(frame)).unwrap());
+    assert_refused(&run(0, &["--from", "report"]), 2, &[frame, "300 Gaussians instead of 200"]);
 }
 
 #[test]

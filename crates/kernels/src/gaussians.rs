@@ -5,6 +5,10 @@ use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 /// The constant spherical harmonic, `sqrt(1 / 4 pi)`: colour = 1/2 + this * `sh_dc` (3DGS, Kerbl et al. 2023).
 pub const SH_C0: f32 = 0.282_094_79;
 
+/// Semi-axes of a Gaussian's body, in standard deviations: `sqrt(5)`. A Gaussian represents a piece of solid: its body, the
+/// solid ellipsoid with the same covariance.
+pub const BODY_DEVIATIONS: f64 = 2.236_067_977_499_79;
+
 /// A cloud of 3D Gaussians. The arrays hold the values of the PLY: log scale, logit opacity, unnormalised quaternion (w
 /// x y z), spherical harmonics channel-major. Use the accessors for the physical values.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -97,6 +101,11 @@ impl Gaussians {
     pub fn covariance(&self, i: usize) -> Matrix3<f64> {
         let axes = self.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&self.scale(i));
         axes * axes.transpose()
+    }
+
+    /// Standard deviation of Gaussian `i` along `direction`, a unit vector in the world frame; scene units.
+    pub fn deviation(&self, i: usize, direction: &Vector3<f64>) -> f64 {
+        self.rotation(i).inverse_transform_vector(direction).component_mul(&self.scale(i)).norm()
     }
 
     /// True if every value of Gaussian `i` is valid: finite centre, size, rotation and colour. An infinite opacity

@@ -27,7 +27,7 @@ pub fn evaluate(
     require_distinct_names(&pipelines)?;
     let objects = pipelines.iter().zip(scenes).map(|(pipeline, scene)| {
         let maps = folder_of(truth, scene, &pipeline.scene().name, scenes.len());
-        if maps == scene.join(truth) && truth.is_relative() {
+        if truth.is_relative() && maps == scene.join(truth) {
             check_truth(&maps, &pipeline.options().scene.read_scope(scene))?;
         }
         count(pipeline, &maps, labels)
@@ -50,7 +50,8 @@ fn require_distinct_names(pipelines: &[Pipeline]) -> Result<(), UsageError> {
 /// The folder of a scene's label maps.
 fn folder_of(truth: &Path, scene: &Path, name: &str, scenes: usize) -> PathBuf {
     let (inside, by_name) = (scene.join(truth), truth.join(name));
-    match (inside.is_dir(), by_name.is_dir() || scenes > 1) {
+    // An absolute path is not inside the scene, and joining it leads to itself.
+    match (truth.is_relative() && inside.is_dir(), by_name.is_dir() || scenes > 1) {
         (true, _) => inside,
         (_, true) => by_name,
         _ => truth.to_owned(),
@@ -104,5 +105,23 @@ fn labelled_views<'a>(
             scene: pipeline.scene().name.clone(),
             example: pipeline.scene().views.first().map_or_else(String::new, |view| view.name.clone()),
         }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_absolute_folder_holds_one_folder_per_scene() {
+        let home = tempfile::tempdir().unwrap();
+        let (truth, scene) = (home.path().join("truth"), home.path().join("mug"));
+        std::fs::create_dir_all(truth.join("mug")).unwrap();
+        std::fs::create_dir_all(scene.join("maps")).unwrap();
+        for scenes in [1, 2] {
+            assert_eq!(folder_of(&truth, &scene, "mug", scenes), truth.join("mug"));
+            assert_eq!(folder_of(Path::new("maps"), &scene, "mug", scenes), scene.join("maps"));
+        }
+        assert_eq!(folder_of(&truth, &scene, "lamp", 1), truth, "the folder of a single scene");
     }
 }
