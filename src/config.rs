@@ -2,7 +2,8 @@
 //! name of a flag. The command line takes precedence over the scene's file, which takes precedence over the user's.
 //!
 //! Both files are turned into flags that are inserted before those on the command line, so every option has one
-//! definition, one default and one check, wherever it is set.
+//! definition, one default and one check, wherever it is set. A switch has no flag that turns it off, so one that the
+//! scene's file sets to false is [removed](FileFlags::yield_to) from those of the user.
 //!
 //! A scene folder may come from anyone, so its file is treated as data and not as a program: each stage lists beside
 //! its options the [keys that a scene may set](SceneKey), and any other key is refused. Paths are relative to the file
@@ -46,6 +47,8 @@ pub enum ConfigError {
     OutsideScene { path: PathBuf, line: usize, key: String, flag: String, leads_to: PathBuf },
     #[error("{path:?} line {line}: `{key}` takes a string, a number, true, false or a list of these")]
     BadValue { path: PathBuf, line: usize, key: String },
+    #[error("{path:?} line {line}: {problem}")]
+    InvalidValue { path: PathBuf, line: usize, problem: String },
     #[error(
         "{path:?} line {line}: `{key}` is already set on line {earlier}; tables only group keys, and `_` means the same as \
          `-`, so set it only once"
@@ -184,11 +187,38 @@ pub fn user_file() -> Option<PathBuf> {
     base.map(|base| base.join("gprop/config.toml"))
 }
 
+/// The flags of one file.
+#[derive(Debug, Clone, Default)]
+pub struct FileFlags {
+    path: PathBuf,
+    pub flags: Vec<OsString>,
+    /// The switches that the file turns off.
+    off: Vec<String>,
+    /// The line of each key, by the name of its flag.
+    lines: BTreeMap<String, usize>,
+}
+
+impl FileFlags {
+    /// Removes the switches that `other`, which takes precedence, turns off.
+    pub fn yield_to(&mut self, other: &Self) {
+        self.flags.retain(|flag| !other.off.iter().any(|off| off == name_of(flag)));
+    }
+
+    /// The error for the first flag that has a problem with its value.
+    pub fn invalid_value(&self, problem_with: &dyn Fn(&OsString) -> Option<String>) -> Option<ConfigError> {
+        self.flags.iter().find_map(|flag| {
+            let problem = problem_with(flag)?;
+            let line = *self.lines.get(name_of(flag))?;
+            Some(ConfigError::InvalidValue { path: self.path.clone(), line, problem })
+        })
+    }
+}
+
 /// The flags for `gprop.toml` in the folder `scene`; none if there is no such file.
 ///
 /// # Errors
 /// [`ConfigError`] names the file, the line and the key.
-pub fn flags_of_scene(scene: &Path, known: &[Flag]) -> Result<Vec<OsString>, ConfigError> {
+pub fn flags_of_scene(scene: &Path, known: &[Flag]) -> Result<FileFlags, ConfigError> {
     flags(&scene.join(FILE_NAME), Owner::Scene, known)
 }
 
@@ -196,15 +226,15 @@ pub fn flags_of_scene(scene: &Path, known: &[Flag]) -> Result<Vec<OsString>, Con
 ///
 /// # Errors
 /// [`ConfigError`] names the file, the line and the key.
-pub fn flags_of_user(path: &Path, known: &[Flag]) -> Result<Vec<OsString>, ConfigError> {
+pub fn flags_of_user(path: &Path, known: &[Flag]) -> Result<FileFlags, ConfigError> {
     flags(path, Owner::User, known)
 }
 
-fn flags(path: &Path, owner: Owner, known: &[Flag]) -> Result<Vec<OsString>, ConfigError> {
+fn flags(path: &Path, owner: Owner, known: &[Flag]) -> Result<FileFlags, ConfigError> {
     match crate::files::read_to_string(path) {
         Ok(text) => flags_in(&text, path, owner, known),
         Err(error) if matches!(error.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) => {
-            Ok(Vec::new())
+            Ok(FileFlags::default())
         }
         Err(source) => Err(ConfigError::Read { path: path.to_owned(), source }),
     }
@@ -215,15 +245,15 @@ fn flags(path: &Path, owner: Owner, known: &[Flag]) -> Result<Vec<OsString>, Con
 ///
 /// # Errors
 /// [`ConfigError`] names the file, the line and the key.
-pub fn flags_in(text: &str, path: &Path, owner: Owner, known: &[Flag]) -> Result<Vec<OsString>, ConfigError> {
+pub fn flags_in(text: &str, path: &Path, owner: Owner, known: &[Flag]) -> Result<FileFlags, ConfigError> {
     let table = DeTable::parse(text).map_err(|error| ConfigError::Syntax {
         path: path.to_owned(),
         line: error.span().map_or(1, |span| line_of(text, span.start)),
         message: error.message().to_owned(),
     })?;
-    let mut flags = Vec::new();
-    Reader { path, text, owner, known }.collect(table.get_ref(), &mut flags, &mut BTreeMap::new())?;
-    Ok(flags)
+    let mut found = FileFlags { path: path.to_owned(), ..FileFlags::default() };
+    Reader { path, text, owner, known }.collect(table.get_ref(), &mut found)?;
+    Ok(found)
 }
 
 struct Reader<'a> {
@@ -234,16 +264,11 @@ struct Reader<'a> {
 }
 
 impl Reader<'_> {
-    /// Adds the flags of a table; `lines` has the line of each key so far, by the name of its flag.
-    fn collect(
-        &self,
-        table: &DeTable,
-        flags: &mut Vec<OsString>,
-        lines: &mut BTreeMap<String, usize>,
-    ) -> Result<(), ConfigError> {
+    /// Adds the flags of a table.
+    fn collect(&self, table: &DeTable, found: &mut FileFlags) -> Result<(), ConfigError> {
         for (key, value) in table {
             if let DeValue::Table(group) = value.get_ref() {
-                self.collect(group, flags, lines)?;
+                self.collect(group, found)?;
                 continue;
             }
             let name = key.get_ref().replace('_', "-");
@@ -256,23 +281,24 @@ impl Reader<'_> {
                 return Err(ConfigError::NotForScenes { path, line, key, flag: name });
             }
             // A table's keys come in the order of their names.
-            if let Some(other) = lines.insert(name.clone(), line) {
+            if let Some(other) = found.lines.insert(name.clone(), line) {
                 let (path, earlier) = (self.path.to_owned(), line.min(other));
                 return Err(ConfigError::Twice { path, line: line.max(other), key: name, earlier });
             }
             let bad_value =
                 || ConfigError::BadValue { path: self.path.to_owned(), line, key: key.get_ref().to_string() };
             match (value.get_ref(), flag.takes_value) {
-                (DeValue::Boolean(on), false) => flags.extend(on.then(|| format!("--{name}").into())),
+                (DeValue::Boolean(true), false) => found.flags.push(format!("--{name}").into()),
+                (DeValue::Boolean(false), false) => found.off.push(name),
                 (DeValue::Array(items), true) if flag.repeats => {
                     for item in items {
                         let value = scalar(item.get_ref()).ok_or_else(bad_value)?;
-                        flags.push(self.flag(flag, &value, key.get_ref(), line)?);
+                        found.flags.push(self.flag(flag, &value, key.get_ref(), line)?);
                     }
                 }
                 (value, true) => {
                     let value = scalar(value).ok_or_else(bad_value)?;
-                    flags.push(self.flag(flag, &value, key.get_ref(), line)?);
+                    found.flags.push(self.flag(flag, &value, key.get_ref(), line)?);
                 }
                 _ => return Err(bad_value()),
             }
@@ -378,7 +404,7 @@ mod tests {
     }
 
     fn flags_of(text: &str) -> Result<Vec<OsString>, ConfigError> {
-        flags_in(text, Path::new("S/gprop.toml"), Owner::Scene, &known())
+        flags_in(text, Path::new("S/gprop.toml"), Owner::Scene, &known()).map(|file| file.flags)
     }
 
     #[test]
@@ -425,9 +451,20 @@ mod tests {
 
     #[test]
     fn the_users_file_may_set_anything() {
-        let flags = |text| flags_in(text, Path::new("/home/me/config.toml"), Owner::User, &known());
+        let of_user = |text| flags_in(text, Path::new("/home/me/config.toml"), Owner::User, &known());
+        let flags = |text| of_user(text).map(|file| file.flags);
         assert_eq!(flags("ort-lib = \"x.so\"").unwrap(), ["--ort-lib=/home/me/x.so"]);
         assert_eq!(flags("images = \"/data\"\ngripper = \"hand.toml\"").unwrap().len(), 2);
         assert!(flags("ort-libb = \"x\"").unwrap_err().to_string().contains("did you mean `ort-lib`?"));
+    }
+
+    #[test]
+    fn a_scene_turns_off_what_the_user_turned_on() {
+        let file = |text, owner| flags_in(text, Path::new("S/gprop.toml"), owner, &known()).unwrap();
+        let mut user = file("turntable = true\nviews = 5", Owner::User);
+        user.yield_to(&file("views = 6", Owner::Scene));
+        assert_eq!(user.flags, ["--turntable", "--views=5"]);
+        user.yield_to(&file("turntable = false", Owner::Scene));
+        assert_eq!(user.flags, ["--views=5"]);
     }
 }

@@ -122,6 +122,17 @@ fn a_scene_names_paths_of_its_own_only() {
 }
 
 #[test]
+fn a_value_that_an_option_refuses_is_named_with_its_line() {
+    let balls = Balls::new(1);
+    add(&balls.scene(0), "[more]\nlevel = \"midle\"");
+    let output = gprop().arg("run").arg(balls.scene(0)).args(["--to", "scene"]).output().unwrap();
+    let words = ["gprop.toml", "line 7", "invalid value 'midle' for '--level", "possible values: small, middle, large"];
+    assert_refused(&output, &words);
+    let typed = gprop().arg("run").arg(balls.folder()).args(["--level", "midle"]).output().unwrap();
+    assert_refused(&typed, &["invalid value 'midle' for '--level", "For more information"]);
+}
+
+#[test]
 fn a_scenes_paths_begin_at_its_folder() {
     let balls = Balls::new(1);
     let scene = balls.scene(0);
@@ -291,6 +302,7 @@ fn mistakes_in_the_users_file_are_named() {
         ("views = 2\nlmm-ur = \"x\"", ["line 2", "unknown key `lmm-ur`", "did you mean `lmm-url`"]),
         ("views = ", ["line 1", "config.toml", ""]),
         ("[query]\nmax-usd = 1979-05-27", ["line 2", "`max-usd` takes", ""]),
+        ("[scene]\nviews = \"many\"", ["line 2", "invalid value 'many' for '--views", ""]),
     ] {
         let (home, balls) = (Home::new(text), Balls::new(1));
         let output = home.gprop().arg("run").arg(balls.scene(0)).output().unwrap();

@@ -381,6 +381,75 @@ fn half_a_range_is_refused() {
     assert!(error.contains("line 2, column 3 `low`"), "{error}");
 }
 
+#[test]
+fn a_citation_stands_for_one_row() {
+    let rules = |ids: &[&str]| {
+        let rows: String = ids.iter().map(|id| format!("{id},density,690,720,interval,,Oak\n")).collect();
+        format!("rule,property,low,high,relation,references,statement\n{rows}")
+    };
+    let evidence = |entry: &str| {
+        format!(
+            "source,entry,title,density_kg_m3_low,density_kg_m3_high,youngs_modulus_pa_low,youngs_modulus_pa_high,\
+             poisson_ratio_low,poisson_ratio_high,strength_pa_low,strength_pa_high\nwooddb,{entry},Pine,500,520,,,,,,\n"
+        )
+    };
+    let reference = |id: &str| format!("id,title,publisher,year,locator,licence\n{id},Mine,,,,\n");
+    for (name, text, expected) in [
+        ("rules.csv", rules(&["poisson-steel"]), "line 2, column 1 `rule`: \"poisson-steel\" already stands"),
+        (
+            "rules.csv",
+            rules(&["mine", "mine"]).replacen("690", "680", 1),
+            "line 3, column 1 `rule`: \"mine\" already stands",
+        ),
+        ("evidence.csv", evidence("scots-pine"), "line 2, column 2 `entry`: \"wooddb:scots-pine\" already stands"),
+        ("bibliography.csv", reference("wooddb"), "line 2, column 1 `id`: \"wooddb\" already stands"),
+    ] {
+        let error = load_as(name, &text).expect_err(expected).to_string();
+        assert!(error.contains(name) && error.contains(expected), "{expected:?} is not in {error}");
+    }
+    for (name, text) in
+        [("rules.csv", rules(&["mine"])), ("evidence.csv", evidence("mine")), ("bibliography.csv", reference("mine"))]
+    {
+        load_as(name, &text).expect("new rows");
+    }
+}
+
+#[test]
+fn a_copy_of_the_built_in_tables_is_a_users_table_too() {
+    let copy = MaterialLibrary::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("materials")).expect("the same rows");
+    assert_eq!(cli::check_text(&copy, false), cli::check_text(&MaterialLibrary::builtin(), false));
+}
+
+const FAMILY_HEADER: &str = "family,strength_meaning,hardness_low_scale,hardness_low,hardness_high_scale,hardness_high,\
+law,law_parameters,density_kg_m3_low,density_kg_m3_high,youngs_modulus_pa_low,youngs_modulus_pa_high,poisson_ratio_low,\
+poisson_ratio_high,strength_pa_low,strength_pa_high,friction_rubber_low,friction_rubber_high,friction_steel_low,\
+friction_steel_high,label_abo,label_abo_exact,label_mvimgnet,label_mvimgnet_exact";
+const BONE: &str = "bone,bending,D,50,D,95,elastic,,600,2100,5e9,3e10,0.2,0.45,1e7,3e8,0.3,1,0.2,0.8,wood,0,wood,0";
+
+#[test]
+fn a_familys_hardness_is_one_that_a_durometer_reads() {
+    for (hardness, column) in [("D,50,D,900", "column 6 `hardness_high`"), ("D,-1,D,95", "column 4 `hardness_low`")] {
+        let table = format!("{FAMILY_HEADER}\n{}\n", BONE.replace("D,50,D,95", hardness));
+        let error = load_as("families.csv", &table).expect_err(hardness).to_string();
+        assert!(error.contains(column) && error.contains("must be 0 to 100"), "{error}");
+    }
+}
+
+/// Three materials of a family of their own, and enough wood without a source that most of all wood has none.
+#[test]
+fn a_users_tables_may_be_small_and_cite_nothing() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    fs::write(folder.path().join("families.csv"), format!("{FAMILY_HEADER}\n{BONE}\n")).expect("a written file");
+    let row = |family: &str, n: usize| GOOD.replace("wood,our oak,shop oak", &format!("{family},own {family} {n},"));
+    let rows = (0..3).map(|n| row("bone", n)).chain((0..200).map(|n| row("wood", n)));
+    let rows = rows.collect::<Vec<_>>().join("\n");
+    fs::write(folder.path().join("mine.csv"), format!("{HEADER}\n{rows}\n")).expect("a written file");
+    let library = MaterialLibrary::load(folder.path()).expect("a good folder");
+    assert_eq!(library.of_family("bone").count(), 3);
+    let findings = check(&library);
+    assert!(findings.iter().all(|one| !["count", "cited_share"].contains(&one.check)), "{findings:#?}");
+}
+
 /// A user's table and what its materials are made of.
 fn load_with_constituents(row: &str, constituents: &str) -> MaterialLibrary {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,8 +1,13 @@
-//! The outcomes of the scenes on disk: one file per shard with one line per scene, sorted by scene. A shard's file is
-//! replaced as a whole each time a scene ends, so it is never half-written; no two shards write the same file.
+//! The outcomes of the scenes on disk: one file per shard with one line per scene. No two shards write the same file.
+//!
+//! Each scene that ends adds a line to its shard's file, because a data set may have so many scenes that the whole file
+//! cannot be written each time. The file is replaced as a whole by a sorted one when a batch begins, if outcomes were
+//! dropped, and when it ends. A batch that is killed loses at most the line that it was writing: half a line at the end
+//! does not count. Of several lines of one scene, the last one counts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs::{self, File};
+use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
 use crate::files;
@@ -17,6 +22,10 @@ use super::{BatchError, Outcome, Shard, State};
 pub struct Ledger {
     path: PathBuf,
     outcomes: BTreeMap<String, Outcome>,
+    /// True if this process has written the file as a whole: then it is not a link, and its last line is complete.
+    is_own: bool,
+    /// True if the file has one complete line per scene, sorted.
+    is_compact: bool,
     /// Held but never read.
     _lock: File,
 }
@@ -33,9 +42,8 @@ impl Ledger {
         let not_lockable = |source| BatchError::Io { path: lock.clone(), source };
         let lock = lock::exclusive(&lock).map_err(not_lockable)?.ok_or_else(locked)?;
         workdir::sweep(folder, &temporary_prefix(&path)).map_err(io_error)?;
-        let outcomes = if path.exists() { read(&path)? } else { Vec::new() };
-        let outcomes = outcomes.into_iter().map(|outcome| (outcome.scene.clone(), outcome)).collect();
-        Ok(Self { path, outcomes, _lock: lock })
+        let (outcomes, is_compact) = if path.exists() { read(&path)? } else { (BTreeMap::new(), true) };
+        Ok(Self { path, outcomes, is_own: false, is_compact, _lock: lock })
     }
 
     /// All outcomes, by scene.
@@ -61,20 +69,38 @@ impl Ledger {
         self.save()
     }
 
-    /// Adds the outcome of a scene and saves.
+    /// Adds the outcome of a scene to the file.
     pub fn put(&mut self, outcome: Outcome) -> Result<(), BatchError> {
+        let line = serde_json::to_string(&outcome).expect("an outcome is plain data") + "\n";
         self.outcomes.insert(outcome.scene.clone(), outcome);
-        self.save()
+        if !self.is_own {
+            return self.save();
+        }
+        self.is_compact = false;
+        let appended =
+            File::options().append(true).open(&self.path).and_then(|mut file| file.write_all(line.as_bytes()));
+        match appended {
+            // Somebody removed it.
+            Err(error) if error.kind() == ErrorKind::NotFound => self.save(),
+            appended => appended.map_err(|source| BatchError::Io { path: self.path.clone(), source }),
+        }
     }
 
-    fn save(&self) -> Result<(), BatchError> {
+    /// Sorts the lines of the file.
+    pub fn finish(&mut self) -> Result<(), BatchError> {
+        if self.is_compact { Ok(()) } else { self.save() }
+    }
+
+    fn save(&mut self) -> Result<(), BatchError> {
         let written = workdir::write_atomic_as(&self.path, &temporary_prefix(&self.path), |out| {
             self.outcomes.values().try_for_each(|outcome| {
                 serde_json::to_writer(&mut *out, outcome)?;
                 out.write_all(b"\n")
             })
         });
-        written.map_err(|source| BatchError::Io { path: self.path.clone(), source })
+        written.map_err(|source| BatchError::Io { path: self.path.clone(), source })?;
+        (self.is_own, self.is_compact) = (true, true);
+        Ok(())
     }
 }
 
@@ -104,9 +130,9 @@ impl Known {
         files.sort();
         let mut known = Self::default();
         for (shard, path) in files {
-            for outcome in read(&path)? {
+            for (scene, outcome) in read(&path)?.0 {
                 known.divisions.insert(shard.of);
-                known.outcomes.entry(outcome.scene.clone()).or_default().push(outcome);
+                known.outcomes.entry(scene).or_default().push(outcome);
             }
         }
         Ok(known)
@@ -149,10 +175,77 @@ fn found_at(scene: &Selected, outcome: &Outcome) -> Outcome {
     Outcome { work: scene.work.clone(), ..outcome.clone() }
 }
 
-fn read(path: &Path) -> Result<Vec<Outcome>, BatchError> {
-    let text = files::read_to_string(path).map_err(|source| BatchError::Io { path: path.to_owned(), source })?;
-    let parse = |(line, text): (usize, &str)| {
-        serde_json::from_str(text).map_err(|source| BatchError::Line { path: path.to_owned(), line, source })
-    };
-    (1..).zip(text.lines()).map(parse).collect()
+/// The outcomes in a file, by scene, and whether the file has one complete line per scene, sorted.
+fn read(path: &Path) -> Result<(BTreeMap<String, Outcome>, bool), BatchError> {
+    let bytes = files::read(path).map_err(|source| BatchError::Io { path: path.to_owned(), source })?;
+    let mut outcomes = BTreeMap::new();
+    let mut is_compact = true;
+    for (line, text) in (1..).zip(bytes.split_inclusive(|byte| *byte == b'\n')) {
+        let is_complete = text.ends_with(b"\n");
+        let outcome: Outcome = match serde_json::from_slice(text) {
+            Ok(outcome) => outcome,
+            Err(_) if !is_complete => {
+                is_compact = false;
+                break;
+            }
+            Err(source) => return Err(BatchError::Line { path: path.to_owned(), line, source }),
+        };
+        is_compact &= is_complete && outcomes.last_key_value().is_none_or(|(last, _)| *last < outcome.scene);
+        outcomes.insert(outcome.scene.clone(), outcome);
+    }
+    Ok((outcomes, is_compact))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn outcome(scene: &str, seconds: f64) -> Outcome {
+        Outcome { state: State::Done, seconds, ..Outcome::skipped(scene) }
+    }
+
+    fn open(folder: &Path) -> Ledger {
+        Ledger::open(folder, Shard::WHOLE).unwrap()
+    }
+
+    /// The scenes in the order of the file's lines.
+    fn scenes(folder: &Path) -> Vec<String> {
+        let text = fs::read_to_string(folder.join(Shard::WHOLE.file_name())).unwrap();
+        text.lines().map(|line| serde_json::from_str::<Outcome>(line).unwrap().scene).collect()
+    }
+
+    #[test]
+    fn a_scene_that_ends_adds_a_line_and_the_end_of_the_batch_sorts_them() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut ledger = open(folder.path());
+        for scene in ["b", "c", "a"] {
+            ledger.put(outcome(scene, 1.0)).unwrap();
+        }
+        assert_eq!(scenes(folder.path()), ["b", "c", "a"]);
+        drop(ledger);
+        // The batch was killed, and the next one finds nothing to do.
+        let mut ledger = open(folder.path());
+        ledger.finish().unwrap();
+        assert_eq!(scenes(folder.path()), ["a", "b", "c"]);
+    }
+
+    #[test]
+    fn half_a_line_at_the_end_is_lost_and_disturbs_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(Shard::WHOLE.file_name());
+        let line = |scene, seconds| serde_json::to_string(&outcome(scene, seconds)).unwrap() + "\n";
+        let whole = line("a", 1.0) + &line("b", 1.0) + &line("a", 2.0);
+        for half in ["{", "{\"scene\":\"c", &line("c", 1.0)[..40]] {
+            fs::write(&path, whole.clone() + half).unwrap();
+            let mut ledger = open(folder.path());
+            let found: Vec<(&str, f64)> = ledger.outcomes().map(|found| (&*found.scene, found.seconds)).collect();
+            assert_eq!(found, [("a", 2.0), ("b", 1.0)], "the later line of a scene counts");
+            assert_eq!(Known::read(folder.path()).unwrap().outcomes["a"], [outcome("a", 2.0)]);
+            ledger.put(outcome("c", 3.0)).unwrap();
+            assert_eq!(scenes(folder.path()), ["a", "b", "c"]);
+        }
+        fs::write(&path, "{\n".to_owned() + &whole).unwrap();
+        let error = Ledger::open(folder.path(), Shard::WHOLE).unwrap_err();
+        assert!(matches!(error, BatchError::Line { line: 1, .. }), "{error}");
+    }
 }

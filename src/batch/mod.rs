@@ -221,6 +221,7 @@ impl Batch {
             tell(&outcome);
             Ok(())
         })?;
+        ledger.finish()?;
         let summary = Summary::new(self.scenes(), ledger.outcomes(), self.skipped());
         if self.shard.of == 1 {
             self.save(&summary)?;
@@ -302,7 +303,7 @@ impl Batch {
     /// configuration. The name of something built in, such as a gripper, is among them too.
     fn named_paths(&self) -> Vec<PathBuf> {
         let of_user = config::user_file().and_then(|path| config::flags_of_user(&path, &self.known).ok());
-        let flags = of_user.iter().flatten().chain(&self.flags);
+        let flags = of_user.iter().flat_map(|file| &file.flags).chain(&self.flags);
         let flags = flags.filter(|flag| CONTENT_COUNTS.contains(&config::name_of(flag)));
         flags.filter_map(|flag| Some(PathBuf::from(flag.to_str()?.split_once('=')?.1))).collect()
     }

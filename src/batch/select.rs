@@ -18,6 +18,9 @@ use super::{BatchError, FOLDER, Options};
 /// Folders of a scene that a run writes into: their files do not count towards the scene's size.
 const WRITTEN: [&str; 2] = [workdir::DEFAULT_NAME, "recorded"];
 
+/// Bytes of a Gaussian as plain floats: 62 of 4 bytes.
+const GAUSSIAN_BYTES: u64 = 62 * 4;
+
 /// A scene of the batch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Selected {
@@ -155,8 +158,45 @@ fn sizes(folder: &Path, is_top: bool) -> (u64, u64) {
             splat = splat.max(largest);
         } else if let Ok(meta) = fs::metadata(entry.path()).map(|meta| meta.len()) {
             bytes += meta;
-            splat = splat.max(meta * SplatFormat::of(&entry.path()).map_or(0, |format| format.inflation));
+            splat = splat.max(splat_bytes(&entry.path(), meta));
         }
     }
     (bytes, splat)
+}
+
+/// Bytes of a splat as plain floats, if it is in a file of this many bytes; 0 for any other file.
+fn splat_bytes(path: &Path, bytes: u64) -> u64 {
+    let Some(format) = SplatFormat::of(path) else { return 0 };
+    gaussians_of_meta(path).map_or(bytes * format.inflation, |count| count * GAUSSIAN_BYTES)
+}
+
+/// The number of Gaussians that a `meta.json` states, if it is SOG's: a few kilobytes beside the pictures that hold the
+/// splat.
+fn gaussians_of_meta(path: &Path) -> Option<u64> {
+    path.extension().filter(|ending| ending.eq_ignore_ascii_case("json"))?;
+    let meta: serde_json::Value = serde_json::from_slice(&files::read(path).ok()?).ok()?;
+    meta.get("means")?;
+    // No splat has more, and the need of memory must not overflow.
+    u32::try_from(meta.get("count")?.as_u64()?).ok().map(u64::from)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_splat_in_many_files_is_as_large_as_in_one() {
+        let folder = tempfile::tempdir().unwrap();
+        let meta = folder.path().join("meta.json");
+        let write = |text: &str| fs::write(&meta, text).unwrap();
+        fs::write(folder.path().join("means_l.webp"), [0; 900]).unwrap();
+        write(r#"{"version": 2, "count": 1000, "means": {"files": ["means_l.webp"]}}"#);
+        assert_eq!(sizes(folder.path(), true).1, 248_000);
+        for other in [r#"{"count": 1000}"#, r#"{"count": 99999999999999, "means": {}}"#, "[]"] {
+            write(other);
+            assert!(sizes(folder.path(), true).1 < 1000, "{other}");
+        }
+        fs::remove_file(&meta).unwrap();
+        assert_eq!(sizes(folder.path(), true), (900, 0));
+    }
 }

@@ -18,8 +18,7 @@ use crate::{batch, export, inspect, materials, setup};
 const MOST_THREADS: usize = 1024;
 
 /// In the help of the commands that [go on from the last run](super::last_run).
-const GOES_ON: &str =
-    "Options typed for the last run in the work folder that gprop.toml may set, and --preset, still hold.";
+const GOES_ON: &str = "What was typed for the last run still holds: --preset, and the options that gprop.toml may set.";
 
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
@@ -92,6 +91,9 @@ pub enum Command {
     /// Write the result in the format of another program.
     Export(ExportArgs),
     /// Show what a scene folder contains, and check whether photos, cameras and Gaussians agree.
+    #[command(
+        after_help = "Unless --views or --view-list is given, up to 60 views are compared, spread over all directions."
+    )]
     Inspect(inspect::Args),
     /// Run all scenes of a data set, each in its own process; scenes that are done are not run again.
     Batch(Box<BatchArgs>),
@@ -233,7 +235,7 @@ pub enum Grasp {
         /// Plot measurements, curve and residuals into this file.
         #[arg(long, value_name = "FILE.svg")]
         plot: Option<PathBuf>,
-        /// Write the profile of --gripper, which must be given, with these measurements, into this file.
+        /// Write the profile of --gripper (which must be given) with these measurements into this file.
         #[arg(long, value_name = "FILE.toml", requires = "gripper")]
         profile: Option<PathBuf>,
     },
@@ -259,7 +261,7 @@ pub struct ExportArgs {
 
 #[derive(Debug, Args)]
 #[command(
-    after_help = "Options from \"Presets\" on can also be set in files, one `name = value` per line, with the names of the \
+    after_help = "Options from \"Presets\" on can also be set in TOML files, one `name = value` per line, with the names of the \
                         flags: SCENE/gprop.toml may set those that concern only the scene, ~/.config/gprop/config.toml \
                         ($XDG_CONFIG_HOME/gprop/config.toml if that variable is set) all of them and `threads`. The command line overrides the scene's file, which overrides yours."
 )]
@@ -365,8 +367,8 @@ pub enum Compat {
                         map of the materials."
 )]
 pub struct QueryArgs {
-    /// Write the questions that are due (sheets, prompt, schema, a form to fill in) into this folder, so that they can be
-    /// answered elsewhere.
+    /// Write the questions that are due (pictures, prompt, schema, a form to fill in) into this folder, so that they can
+    /// be answered elsewhere.
     #[arg(long, value_name = "DIR", group = "action")]
     pub export: Option<PathBuf>,
     /// Read answers from this folder, check them and record them.
@@ -379,7 +381,7 @@ pub struct QueryArgs {
     /// Delete the scene's recordings that are not used with these options.
     #[arg(long, group = "action")]
     pub prune: bool,
-    /// Mask of a single picture: white on the object, or an alpha channel.
+    /// Mask of a single picture: white, or opaque, on the object.
     #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub mask: Option<PathBuf>,
     #[command(flatten)]

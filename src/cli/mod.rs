@@ -126,13 +126,18 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
     let first_look = |arguments: &[OsString]| command().ignore_errors(true).try_get_matches_from(arguments);
     let mut all = arguments.to_vec();
     let mut stages = StageFlags::default();
+    let mut files = Vec::new();
     if let Ok(matches) = &first_look(arguments) {
         let (place, command, matches) = innermost(arguments, matches);
         let known = known_flags();
         stages.typed = stage_flags(matches);
         let scene = matches.try_get_one::<PathBuf>("scene").ok().flatten();
-        let mut of_user = user_file.map_or_else(|| Ok(Vec::new()), |path| config::flags_of_user(path, &known))?;
-        let mut of_scene = scene.map_or_else(|| Ok(Vec::new()), |scene| config::flags_of_scene(scene, &known))?;
+        let none = || Ok(config::FileFlags::default());
+        let mut user = user_file.map_or_else(none, |path| config::flags_of_user(path, &known))?;
+        let in_scene = scene.map_or_else(none, |scene| config::flags_of_scene(scene, &known))?;
+        user.yield_to(&in_scene);
+        let (mut of_user, mut of_scene) = (user.flags.clone(), in_scene.flags.clone());
+        files.extend([in_scene, user]);
         let mut of_last_run =
             scene.map_or_else(|| Ok(Vec::new()), |scene| last_run::flags(&command, matches, scene, &known))?;
         drop_replaced_parameters([&mut of_user, &mut of_scene, &mut of_last_run], &stages.typed);
@@ -154,7 +159,12 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
         stages.once = last_run::once(command.get_name());
         stages.recorded = scene.map(|scene| last_run::recorded(&own, scene, &known)).unwrap_or_default();
     }
-    let matches = command().try_get_matches_from(all)?;
+    // A value that a file sets and its option refuses is reported with its place.
+    let matches = command().try_get_matches_from(all).map_err(|error| {
+        let problem_with = |flag: &OsString| pipeline::problem_with(flag, &error);
+        let invalid = files.iter().find_map(|file| file.invalid_value(&problem_with));
+        invalid.map_or_else(|| error.into(), anyhow::Error::from)
+    })?;
     let mut cli = Cli::from_arg_matches(&matches)?;
     stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     cli.global.flags = stages;
@@ -345,12 +355,15 @@ mod tests {
         assert_eq!(flags("gprop batch DATA --also npy,coco"), ["--also=npy,coco"]);
     }
 
+    /// The user's configuration in the folder of a test's scene, if there is one.
+    const USER_FILE: &str = "config.toml";
+
     /// The options of `gprop simulate SCENE` with these typed flags, if the scene's `gprop.toml` has the text `of_scene`.
     fn simulate_options(scene: &Path, of_scene: &str, typed: &[&str]) -> crate::simulate::Options {
         std::fs::write(scene.join(config::FILE_NAME), of_scene).unwrap();
         let words = ["gprop", "simulate"].iter().chain(typed).map(OsString::from);
         let arguments: Vec<OsString> = words.chain([scene.into()]).collect();
-        match parse_with(&arguments, None).unwrap().command {
+        match parse_with(&arguments, Some(&scene.join(USER_FILE))).unwrap().command {
             Command::Simulate(args) => args.work.options.simulate,
             other => panic!("{other:?}"),
         }
@@ -367,6 +380,17 @@ mod tests {
         let filmed = viewpoint("turntable = true\nazimuth-deg = 30", &["--film-from", "003"]);
         assert!(!filmed.turntable && filmed.azimuth_deg.is_none(), "{filmed:?}");
         assert_eq!(filmed.film_from.as_deref(), Some("003"));
+    }
+
+    #[test]
+    fn a_scene_turns_off_a_switch_of_the_user() {
+        let scene = tempfile::tempdir().unwrap();
+        std::fs::write(scene.path().join(USER_FILE), "turntable = true").unwrap();
+        let turntable =
+            |of_scene: &str, typed: &[&str]| simulate_options(scene.path(), of_scene, typed).viewpoint.turntable;
+        assert!(turntable("", &[]));
+        assert!(!turntable("turntable = false", &[]));
+        assert!(turntable("turntable = false", &["--turntable"]));
     }
 
     #[test]

@@ -34,7 +34,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
 pub enum Policy {
-    /// The middle of every input, as in the paper.
+    /// The `mid` value of every input, as in the paper.
     #[default]
     Mid,
     /// The worst case of both bounds: heaviest and slipperiest for F_min, weakest, softest and thinnest for F_max.

@@ -8,6 +8,9 @@ use crate::progress::Progress;
 use crate::render::{FOREGROUND_ALPHA, Render, RenderOptions, render};
 use crate::scene::{ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
 
+/// The least value of a pixel that is at least half covered by the object.
+const HALF: u8 = 128;
+
 /// Compares every view, one after the other: the rasteriser uses all threads.
 pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Result<Vec<ViewFit>, SceneError> {
     let cloud = scene.whole_cloud();
@@ -15,22 +18,21 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
     let fit = |view: &View| {
         let photo = as_the_splat_shows(scene, view.photo()?);
         let picture = render(&cloud, &view.camera, &RenderOptions::default());
-        let of_all = || mask_iou(&photo.foreground, covered(&picture)).unwrap_or(1.0);
-        let of_object = || match scene.object_source {
-            ObjectSource::Whole => of_all(),
+        let all = covered(&picture);
+        let object = match scene.object_source {
+            ObjectSource::Whole => all.clone(),
             // Surroundings may hide some of the object.
             ObjectSource::Box | ObjectSource::Cluster => {
-                let object = foreground(scene, &view.camera);
-                mask_iou(&photo.foreground, object.as_raw().iter().map(|value| *value > 0)).unwrap_or(1.0)
+                foreground(scene, &view.camera).as_raw().iter().map(|value| *value > 0).collect()
             }
         };
         let knows_foreground = photo.foreground_source != ForegroundSource::Whole;
-        let iou = knows_foreground.then(of_object);
+        let known = |iou: Option<f64>| knows_foreground.then_some(iou.unwrap_or(1.0));
         let fit = ViewFit {
             name: view.name.clone(),
             psnr_db: psnr_db(&photo.rgb, &picture),
-            mask_iou: iou,
-            overlap: iou.map(|iou| iou.max(of_all())),
+            mask_iou: known(mask_iou(&photo.foreground, &object)),
+            overlap: known(overlap(&photo.foreground, &object, &all)),
         };
         bar.inc(1);
         Ok(fit)
@@ -70,18 +72,45 @@ fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
 }
 
 /// Whether each pixel shows the splat.
-pub(super) fn covered(picture: &Render) -> impl Iterator<Item = bool> {
-    picture.alpha.iter().map(|alpha| *alpha >= FOREGROUND_ALPHA)
+pub(super) fn covered(picture: &Render) -> Vec<bool> {
+    picture.alpha.iter().map(|alpha| *alpha >= FOREGROUND_ALPHA).collect()
+}
+
+/// [`mask_iou`] of the object or, if that is larger, of all Gaussians: `--object-box` may hold only some of what the
+/// photos' masks or alpha show. But then the object lies inside the foreground, so the share of its area that does is a
+/// limit for the latter.
+pub(super) fn overlap(coverage: &GrayImage, object: &[bool], all: &[bool]) -> Option<f64> {
+    let inside =
+        coverage.as_raw().iter().zip(object).filter(|(coverage, object)| **object && **coverage >= HALF).count();
+    let share = inside as f64 / object.iter().filter(|object| **object).count().max(1) as f64;
+    let of_all = mask_iou(coverage, all).map(|iou| iou.min(share));
+    mask_iou(coverage, object).into_iter().chain(of_all).reduce(f64::max)
 }
 
 /// Intersection over union of the object in a photo, at least half covered there, and in the splat; `None` if neither
 /// shows it.
-pub(super) fn mask_iou(coverage: &GrayImage, in_splat: impl Iterator<Item = bool>) -> Option<f64> {
+fn mask_iou(coverage: &GrayImage, in_splat: &[bool]) -> Option<f64> {
     let (mut both, mut either) = (0usize, 0usize);
     for (coverage, splat) in coverage.as_raw().iter().zip(in_splat) {
-        let photo = *coverage >= 128;
-        both += usize::from(photo && splat);
-        either += usize::from(photo || splat);
+        let photo = *coverage >= HALF;
+        both += usize::from(photo && *splat);
+        either += usize::from(photo || *splat);
     }
     (either > 0).then(|| both as f64 / either as f64)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Foreground in the left six of ten pixels, a splat that is everywhere.
+    #[test]
+    fn a_splat_that_is_everywhere_vouches_for_no_object_beside_the_foreground() {
+        let coverage = GrayImage::from_fn(10, 1, |x, _| image::Luma([if x < 6 { 255 } else { 0 }]));
+        let between = |from: usize, to: usize| -> Vec<bool> { (0..10).map(|x| (from..to).contains(&x)).collect() };
+        let all = between(0, 10);
+        assert_eq!(overlap(&coverage, &between(6, 10), &all), Some(0.0));
+        assert_eq!(overlap(&coverage, &between(0, 2), &all), Some(0.6), "of all");
+        assert_eq!(overlap(&coverage, &between(0, 5), &all), Some(5.0 / 6.0), "of the object");
+    }
 }

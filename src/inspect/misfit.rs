@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use image::imageops::{FilterType, resize};
 use rayon::prelude::*;
 
-use super::compare::{covered, mask_iou};
+use super::compare::{covered, overlap};
 use super::verdict;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
@@ -30,7 +30,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
     let few: Vec<View> = views.iter().step_by(views.len().div_ceil(VIEWS).max(1)).cloned().collect();
     let whole = OnceLock::new();
     let overlaps: Vec<Option<f64>> =
-        few.par_iter().map(|view| overlap(scene, view, &whole)).collect::<Result<_, _>>()?;
+        few.par_iter().map(|view| overlap_in(scene, view, &whole)).collect::<Result<_, _>>()?;
     let problem = match upper_median(overlaps.into_iter().flatten().collect()) {
         Some(iou) if iou < LEAST_IOU => {
             format!("the object's outlines in the photos and in the splat overlap by only {:.0} % (IoU)", 100.0 * iou)
@@ -49,14 +49,21 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
     )))
 }
 
-/// The IoU of the object's outline in a photo and in the splat; `None` if the photo has neither mask nor alpha. If the
-/// object is not the whole splat, its mask or alpha may still show all of the splat, so the larger IoU of the two counts.
-/// `whole` is all of the splat, once it is needed.
-fn overlap<'a>(scene: &'a Scene, view: &View, whole: &OnceLock<Cow<'a, Gaussians>>) -> Result<Option<f64>, SceneError> {
+/// The [`overlap`] in a small picture; `None` if the photo has neither mask nor alpha. `whole` is all of the splat, once it
+/// is needed.
+fn overlap_in<'a>(
+    scene: &'a Scene,
+    view: &View,
+    whole: &OnceLock<Cow<'a, Gaussians>>,
+) -> Result<Option<f64>, SceneError> {
     let Some(coverage) = view.coverage()? else { return Ok(None) };
     let camera = verdict::resized(&view.camera, SIDE.min(coverage.width().max(coverage.height())));
     let small = resize(&coverage, camera.intrinsics.width, camera.intrinsics.height, FilterType::Triangle);
-    let iou = |cloud: &Gaussians| mask_iou(&small, covered(&render(cloud, &camera, &RenderOptions::default())));
-    let of_all = (!scene.surroundings.is_empty()).then(|| iou(whole.get_or_init(|| scene.whole_cloud()))).flatten();
-    Ok(iou(&scene.gaussians).into_iter().chain(of_all).reduce(f64::max))
+    let shown = |cloud: &Gaussians| covered(&render(cloud, &camera, &RenderOptions::default()));
+    let object = shown(&scene.gaussians);
+    let all = match scene.surroundings.is_empty() {
+        true => object.clone(),
+        false => shown(whole.get_or_init(|| scene.whole_cloud())),
+    };
+    Ok(overlap(&small, &object, &all))
 }

@@ -99,8 +99,7 @@ pub struct ViewFit {
     /// Intersection over union of the photo's foreground and the area that the object's Gaussians cover; `None` if the
     /// photo has no foreground of its own.
     pub mask_iou: Option<f64>,
-    /// The same for the area that all Gaussians cover, if that is larger: `--object-box` may hold only some of what the
-    /// photos' masks or alpha show.
+    /// [`compare::overlap`], for the verdict.
     #[serde(skip)]
     overlap: Option<f64>,
 }

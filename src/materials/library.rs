@@ -343,17 +343,29 @@ fn rows_by_name<'a>(names: impl Iterator<Item = &'a String>) -> HashMap<String, 
     names.enumerate().map(|(row, name)| (fold(name), row)).collect()
 }
 
-/// Adds rows of a table whose rows are never replaced. No two may have the same name in citations.
-fn extend<T>(rows: &mut Vec<T>, added: Vec<Placed<T>>, cited_as: impl Fn(&T) -> String) -> Result<(), LibraryError> {
-    let mut known: HashSet<String> = rows.iter().map(&cited_as).collect();
+/// Adds rows of a table whose rows are never replaced. Two of the same name in citations have to be equal (a user's tables
+/// may be a copy of the built-in ones), and count once.
+fn extend<T: PartialEq>(
+    rows: &mut Vec<T>,
+    added: Vec<Placed<T>>,
+    cited_as: impl Fn(&T) -> String,
+) -> Result<(), LibraryError> {
+    let mut known: HashMap<String, usize> =
+        rows.iter().map(&cited_as).enumerate().map(|(at, name)| (name, at)).collect();
     for placed in added {
         let name = cited_as(&placed.row);
-        if known.contains(&name) {
-            let problem = "is already cited under this name, in the library or an earlier row; write another name";
-            return Err(placed.bad_key(&name, problem.to_owned()));
+        match known.get(&name) {
+            Some(&at) if rows[at] == placed.row => {}
+            Some(_) => {
+                let problem =
+                    "already stands for another row, and rows of this table cannot be replaced; write another name";
+                return Err(placed.bad_key(&name, problem.to_owned()));
+            }
+            None => {
+                known.insert(name, rows.len());
+                rows.push(placed.row);
+            }
         }
-        known.insert(name);
-        rows.push(placed.row);
     }
     Ok(())
 }

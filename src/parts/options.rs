@@ -80,7 +80,7 @@ pub struct Options {
     /// For `--volume shell`, wall thickness in metres of parts whose answer gives none
     #[arg(long, value_name = "M", default_value_t = WALL_M)]
     pub wall_m: f64,
-    /// Ignore connected bodies with less than this fraction of the splat's total opacity: they are floaters
+    /// Ignore connected bodies with less than this fraction of the object's total opacity: they are floaters
     #[arg(long, value_name = "SHARE", default_value_t = MIN_BODY_SHARE)]
     pub min_body_share: f64,
     /// List parts smaller than this fraction of the object's volume in the notes

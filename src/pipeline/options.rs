@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use clap::error::ContextKind;
 use clap::{ArgAction, Args, FromArgMatches};
 use serde::Serialize;
 
@@ -51,10 +52,12 @@ impl Options {
     pub fn of_scene(scene: impl AsRef<Path>) -> Result<Self, Error> {
         let scene = scene.as_ref();
         let read = || -> Result<Self> {
-            let flags = config::flags_of_scene(scene, &known_flags())?;
-            let file = scene.join(config::FILE_NAME);
-            let wrong = |error: clap::Error| UsageError(format!("{file:?}: {}", problem_of(&error)));
-            Ok(Self::of_flags(&flags).map_err(wrong)?)
+            let file = config::flags_of_scene(scene, &known_flags())?;
+            let wrong = |error: clap::Error| match file.invalid_value(&|flag| problem_with(flag, &error)) {
+                Some(invalid) => anyhow::Error::from(invalid),
+                None => UsageError(format!("{:?}: {}", scene.join(config::FILE_NAME), problem_of(&error))).into(),
+            };
+            Self::of_flags(&file.flags).map_err(wrong)
         };
         read().map_err(Error)
     }
@@ -72,7 +75,18 @@ impl Options {
 /// What clap says is wrong, on one line and without the usage.
 pub(crate) fn problem_of(error: &clap::Error) -> String {
     let text = error.to_string();
-    text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned()
+    // The values that are possible, if they are few, are on the second line.
+    let lines: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
+    lines.join(" ").trim_start_matches("error: ").to_owned()
+}
+
+/// What is wrong with the value of a flag, if it is the cause of `error`.
+pub(crate) fn problem_with(flag: &OsString, error: &clap::Error) -> Option<String> {
+    error.get(ContextKind::InvalidValue)?;
+    let alone = Options::of_flags(std::slice::from_ref(flag)).err()?;
+    let same =
+        [ContextKind::InvalidArg, ContextKind::InvalidValue].iter().all(|kind| alone.get(*kind) == error.get(*kind));
+    same.then(|| problem_of(&alone))
 }
 
 impl Preset {

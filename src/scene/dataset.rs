@@ -19,6 +19,7 @@ use super::{SceneError, cameras, splat_file};
 use crate::files;
 use crate::output::{agreeing, counted};
 use crate::units::{MetricScale, ScaleSource};
+use crate::workdir::Artifact;
 
 const SPLITS: &str = "splits.json";
 const MASSES: &str = "filtered_product_weights.json";
@@ -178,13 +179,22 @@ fn mvimgnet(folder: &Path) -> Listed {
 }
 
 fn plain(folder: &Path) -> Listed {
-    let is_scene = |folder: &Path| splat_file::find(folder).is_ok() || cameras::choose(folder, None).is_ok();
+    let has_splat = |folder: &Path| splat_file::find(folder).is_ok_and(|found| !is_result(&found.path));
+    let is_scene = |folder: &Path| has_splat(folder) || cameras::choose(folder, None).is_ok();
     let entry = |name: String| Entry { folder: folder.join(&name), split: None, class: None, mass_kg: None, name };
     let Folders { names, skipped } = folders_in(folder);
     Listed {
         scenes: names.into_iter().map(entry).filter(|entry| is_scene(&entry.folder)).collect(),
         skipped: skipped.iter().filter(|name| is_scene(&folder.join(name))).map(|name| printable(name)).collect(),
     }
+}
+
+/// True if gprop wrote this splat: it lies in a work folder, under the name of a result. (If a folder holds another splat,
+/// [`splat_file::find`] prefers that one.)
+fn is_result(splat: &Path) -> bool {
+    let folder = splat.parent().unwrap_or(Path::new(""));
+    let is = |result: Artifact| splat == folder.join(result.path());
+    (is(Artifact::Field) || is(Artifact::Recolored)) && folder.join(Artifact::Run.path()).is_file()
 }
 
 /// The visible folders in a folder, sorted.

@@ -149,7 +149,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         kind.push(set_aside.to_string());
     }
     let measured = scale::Measured {
-        object: robust_bounds(&object),
+        object: &object,
         views: &views,
         data_set: found
             .splat_units_per_camera_unit

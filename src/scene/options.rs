@@ -72,7 +72,7 @@ pub struct Options {
     pub masks: Option<PathBuf>,
 
     /// Folder outside the scene to which the scene's links and 3DGS's `cfg_args` may lead; may be given several times.
-    /// Nothing else outside the scene is read, except what the flags above name
+    /// Nothing else outside the scene is read, except what other flags name
     #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     #[serde(skip)]
     pub allow_read: Vec<PathBuf>,

@@ -11,11 +11,12 @@ use nalgebra::Point3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::as_typed::as_typed;
+use super::gaussians::Gaussians;
 use super::marker::{self, FoundMarker, Marker};
 use super::{Scene, SceneError, View, view_names};
 use crate::option_values::with_unit;
 use crate::units::{MetricScale, Range, ScaleSource};
-use gprop_kernels::bounds::{Bounds, longest_side};
+use gprop_kernels::bounds::{longest_side, sides};
 
 /// Lengths range from a nanometre to a thousand kilometres: no length in a capture is shorter or longer.
 const SHORTEST_M: f64 = 1e-9;
@@ -33,7 +34,8 @@ pub enum ScaleChoice {
     Factor(f64),
     /// Two points in scene units, and their distance in metres.
     KnownLength { from: [f64; 3], to: [f64; 3], meters: f64 },
-    /// A side of the object's bounding box (0, 1, 2: along x, y, z) in metres.
+    /// A side of the object's bounding box (0, 1, 2: along x, y, z) in metres. The scale has an interval, because it is uncertain
+    /// which Gaussians at the ends are strays.
     BoundingBox { axis: usize, meters: f64 },
     /// Two views, and the distance between their cameras in metres.
     Cameras { a: String, b: String, meters: f64 },
@@ -45,7 +47,7 @@ pub enum ScaleChoice {
 
 /// The data that the choices based on a measurement use.
 pub(super) struct Measured<'a> {
-    pub object: Bounds,
+    pub object: &'a Gaussians,
     pub views: &'a [View],
     /// Metric scale by the data set's own convention.
     pub data_set: Option<MetricScale>,
@@ -67,19 +69,19 @@ impl ScaleChoice {
     /// [`SceneError::Scale`] if a length cannot be measured, or the object would have an impossible size.
     pub(super) fn metric_scale(&self, scene: &Measured) -> Result<(Option<MetricScale>, Option<String>), SceneError> {
         let Some(scale) = self.stated(scene)? else { return Ok((None, None)) };
-        let warning = self.check_size(&scale, &scene.object)?;
+        let warning = self.check_size(&scale, scene.object)?;
         Ok((Some(scale), warning))
     }
 
     /// Checks that the object has a possible size at this scale; returns a warning if it is unusual.
-    fn check_size(&self, scale: &MetricScale, object: &Bounds) -> Result<Option<String>, SceneError> {
-        let sides = object.size() * scale.meters_per_unit;
-        let longest = sides.max();
-        // An object of a single Gaussian has no extent.
+    fn check_size(&self, scale: &MetricScale, object: &Gaussians) -> Result<Option<String>, SceneError> {
+        let [x, y, z] = sides(object).map(|side| side.length * scale.meters_per_unit);
+        let longest = x.max(y).max(z);
+        // An object that is a single point has no size to check.
         if longest == 0.0 {
             return Ok(None);
         }
-        let size = format!("{} x {} x {}", length(sides.x), length(sides.y), length(sides.z));
+        let size = format!("{} x {} x {}", length(x), length(y), length(z));
         if !(LEAST_SIDE_M..=MOST_SIDE_M).contains(&longest) {
             let problem = format!(
                 "the object would be {size} ({}); its longest side must be {} to {}; give another --scale",
@@ -106,12 +108,18 @@ impl ScaleChoice {
 
     fn stated(&self, scene: &Measured) -> Result<Option<MetricScale>, SceneError> {
         let refused = |problem: String| SceneError::Scale { given: self.to_string(), problem };
-        let measured = |meters: &f64, units: f64, source, provenance: String| {
-            if !(units > 0.0 && (meters / units).is_normal()) {
+        // `error`: how far off `units` may be.
+        let measured = |meters: &f64, units: f64, error: f64, source, provenance: String| {
+            let least = units - error;
+            if !(least > 0.0 && (meters / least).is_normal()) {
                 return Err(refused("the length measured in the scene is zero".to_owned()));
             }
-            let provenance = format!("{provenance}: {meters} m for {units:.6} scene units");
-            Ok(Some(MetricScale { meters_per_unit: meters / units, source, provenance, range: None }))
+            let mut provenance = format!("{provenance}: {meters} m for {units:.6} scene units");
+            if error > 0.0 {
+                provenance += &format!(", within {:.2} %", 100.0 * error / units);
+            }
+            let range = (error > 0.0).then(|| Range::new(meters / (units + error), meters / least));
+            Ok(Some(MetricScale { meters_per_unit: meters / units, source, provenance, range }))
         };
         match self {
             Self::Auto => Ok(scene.data_set.clone()),
@@ -127,11 +135,12 @@ impl ScaleChoice {
             }
             Self::KnownLength { from, to, meters } => {
                 let units = (Point3::from(*from) - Point3::from(*to)).norm();
-                measured(meters, units, ScaleSource::KnownLength, "distance between two points".to_owned())
+                measured(meters, units, 0.0, ScaleSource::KnownLength, "distance between two points".to_owned())
             }
             Self::BoundingBox { axis, meters } => {
                 let provenance = format!("{} side of the object's box", AXES[*axis]);
-                measured(meters, scene.object.size()[*axis], ScaleSource::BoundingBox, provenance)
+                let side = sides(scene.object)[*axis];
+                measured(meters, side.length, side.error, ScaleSource::BoundingBox, provenance)
             }
             Self::Cameras { a, b, meters } => {
                 let center = |name: &str| {
@@ -141,7 +150,8 @@ impl ScaleChoice {
                         .map_err(|unknown| refused(unknown.to_string()))
                 };
                 let units = (center(a)? - center(b)?).norm();
-                measured(meters, units, ScaleSource::Cameras, format!("distance between the cameras of {a} and {b}"))
+                let provenance = format!("distance between the cameras of {a} and {b}");
+                measured(meters, units, 0.0, ScaleSource::Cameras, provenance)
             }
         }
     }
@@ -156,7 +166,7 @@ impl Scene {
     pub fn scale_in_photos(&self, choice: &ScaleChoice) -> Result<Option<(MetricScale, Vec<String>)>, SceneError> {
         let ScaleChoice::Marker { marker, meters } = choice else { return Ok(None) };
         let FoundMarker { scale, warning } = marker::find(*marker, *meters, &self.views)?;
-        let unusual = choice.check_size(&scale, &self.object_bounds())?;
+        let unusual = choice.check_size(&scale, &self.gaussians)?;
         Ok(Some((scale, warning.into_iter().chain(unusual).collect())))
     }
 
@@ -188,7 +198,7 @@ impl Scene {
             ),
             range: Some(range),
         };
-        let warning = choice.check_size(&scale, &self.object_bounds())?;
+        let warning = choice.check_size(&scale, &self.gaussians)?;
         Ok((scale, warning))
     }
 }

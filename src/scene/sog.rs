@@ -222,20 +222,22 @@ fn rest(source: &mut Source, harmonics: &Harmonics, count: usize) -> Result<Vec<
         return Err(Problem::Size { name: palette.clone(), width, height, count: most });
     }
     let all = palette_picture.as_raw().as_chunks::<4>().0;
-    let of_pixel = |pixel: &[u8; 4]| -> Result<Vec<f32>, Problem> {
+    let fill = |(row, pixel): (&mut [f32], &[u8; 4])| -> Result<(), Problem> {
         let entry = usize::from(u16::from_le_bytes([pixel[0], pixel[1]]));
         if entry >= most {
             return Err(Problem::Entry { key: "the palette of harmonics", entry, length: most });
         }
         let first = entry / PER_ROW * width + entry % PER_ROW * coefficients;
         let own = &all[first..first + coefficients];
-        (0..3)
-            .flat_map(|channel| own.iter().map(move |pixel| pixel[channel]))
-            .map(|byte| code(byte, &harmonics.codebook, "the codebook of harmonics"))
-            .collect()
+        let bytes = (0..3).flat_map(|channel| own.iter().map(move |pixel| pixel[channel]));
+        for (value, byte) in row.iter_mut().zip(bytes) {
+            *value = code(byte, &harmonics.codebook, "the codebook of harmonics")?;
+        }
+        Ok(())
     };
-    let rows: Vec<Vec<f32>> = pixels(&entries, count).par_iter().map(of_pixel).collect::<Result<_, _>>()?;
-    Ok(rows.concat())
+    let mut rest = vec![0.0; count * 3 * coefficients];
+    rest.par_chunks_exact_mut(3 * coefficients).zip(pixels(&entries, count)).try_for_each(fill)?;
+    Ok(rest)
 }
 
 fn pixels(picture: &RgbaImage, count: usize) -> &[[u8; 4]] {

@@ -54,8 +54,8 @@ pub struct Options {
     /// adaptive prompts cost in quality
     #[arg(long, value_enum, default_value_t = PointPrompts::Adaptive)]
     pub point_prompts: PointPrompts,
-    /// Take the segments from this folder instead of SAM: VIEW.png (a grey label map, 0 for background) or VIEW_s.npy (int32
-    /// ids, -1 for background) for every chosen view
+    /// Take the segments of every chosen view from this folder instead of SAM: VIEW.png (grey, 0 for background) or
+    /// VIEW_s.npy (ids as LangSplat writes them, -1 for background)
     #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
     pub segments: Option<PathBuf>,
     /// Also write the label maps in these formats

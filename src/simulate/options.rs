@@ -97,8 +97,8 @@ pub struct Options {
     #[arg(long, value_name = "SECONDS", value_parser = above(0.0, LONGEST_S))]
     pub fixed_step: Option<f64>,
 
-    /// Refuse a simulation that is expected to take longer than this many minutes, and stop one that takes twice the steps
-    /// that fit in them
+    /// Refuse a simulation that is expected to take longer than this many minutes, and stop one that turns out to need
+    /// more than twice the steps that fit into that time
     #[arg(long, value_name = "MINUTES", default_value_t = 120.0, value_parser = above(0.0, MOST_MINUTES))]
     pub max_simulation_minutes: f64,
 
@@ -115,7 +115,7 @@ pub struct Options {
     #[arg(long, value_name = "CELLS", default_value_t = 32, value_parser = clap::value_parser!(u32).range(4..=512))]
     pub grid: u32,
 
-    /// Gravitational acceleration in m/s^2, along -z; the default is that of the paper's force equations
+    /// Gravitational acceleration in m/s^2, along -z; the default is the paper's
     #[arg(long, value_name = "M/S2", default_value_t = crate::units::GRAVITY_M_S2, value_parser = from_to(-MOST_GRAVITY, MOST_GRAVITY))]
     pub gravity: f64,
 

@@ -69,7 +69,7 @@ impl Ballots {
 
     /// Sorts by Gaussian with a counting sort, so the order by view and segment stays within a Gaussian. Each view is
     /// dropped as soon as it is read.
-    fn sorted(gaussians: usize, of_views: Vec<Vec<(u32, Ballot)>>) -> Self {
+    pub fn sorted(gaussians: usize, of_views: Vec<Vec<(u32, Ballot)>>) -> Self {
         let mut starts = vec![0u32; gaussians + 1];
         for (gaussian, _) in of_views.iter().flatten() {
             starts[*gaussian as usize + 1] += 1;

@@ -15,6 +15,10 @@
 //! The material of a 3D part is the one that most of its views' answers name, each weighted by how much of the part the
 //! view sees.
 
+use std::cmp::Ordering;
+use std::collections::{BTreeMap, BinaryHeap};
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::AnsweredPart;
@@ -43,15 +47,15 @@ impl<'a> Identity<'a> {
     /// Finds out which segments are one part.
     pub fn new(ballots: &Ballots, segments: &AnsweredSegments<'a>) -> Self {
         let view_of: Vec<usize> = segments.segments.iter().map(|segment| segment.view).collect();
-        let shared = Shared::of(ballots, &view_of);
-        let seen: Vec<u64> = (0..view_of.len()).map(|p| shared.get(p, p)).collect();
-        let mut groups = Groups::new(&shared, &view_of);
+        let shared = shared_light(ballots, &view_of);
+        let seen: Vec<u64> =
+            shared.iter().enumerate().map(|(own, light)| light.get(&own).copied().unwrap_or(0)).collect();
+        let mut groups = Groups::new(shared, &view_of);
         groups.join_while(jaccard, |_, _| true);
         let materials = materials(&groups.group, segments, &seen);
         groups.join_while(containment, |a, b| materials[a] == materials[b]);
 
-        let mut firsts = groups.alive;
-        firsts.sort_unstable();
+        let firsts: Vec<usize> = (0..view_of.len()).filter(|&n| groups.group[n] == n).collect();
         let number = |of: &usize| firsts.binary_search(of).expect("every group is alive") as u32;
         let part_of_segment: Vec<u32> = groups.group.iter().map(number).collect();
         let mut answers_of_part = vec![Vec::new(); firsts.len()];
@@ -107,43 +111,41 @@ fn materials(group: &[usize], segments: &AnsweredSegments, seen: &[u64]) -> Vec<
 /// Light is counted in whole steps, so that sums do not depend on their order.
 const LIGHT_STEPS: f32 = 256.0;
 
-/// Light of the Gaussians that are in segment `a` in one view and in segment `b` in another, the smaller of the two; on
-/// the diagonal, of those that are in `a`.
-struct Shared {
-    segments: usize,
-    light: Vec<u64>,
+/// For every segment, the segments with which it shares Gaussians: the light of those that are in it in its view and in the
+/// other in the other's view, the smaller of the two; with itself, its own light.
+type Shared = Vec<BTreeMap<usize, u64>>;
+
+/// Counts the shared light for each view by itself, so that there is never a table of all pairs of segments, of which most
+/// share nothing.
+fn shared_light(ballots: &Ballots, view_of: &[usize]) -> Shared {
+    let segments = view_of.len();
+    let of_view = |own: &Range<usize>| -> Shared {
+        let mut light = vec![0u64; own.len() * segments];
+        let mut carried = Vec::new();
+        for i in 0..ballots.gaussians() {
+            main_segments(ballots.of(i), view_of, &mut carried);
+            let Some(a) = carried.iter().find(|ballot| own.contains(&(ballot.segment as usize))) else { continue };
+            let row = &mut light[(a.segment as usize - own.start) * segments..][..segments];
+            for b in &carried {
+                row[b.segment as usize] += (a.weight.min(b.weight) * LIGHT_STEPS) as u64;
+            }
+        }
+        let rows = light.chunks_exact(segments);
+        rows.map(|row| row.iter().copied().enumerate().filter(|(_, light)| *light > 0).collect()).collect()
+    };
+    let of_views: Vec<Shared> = segments_of_views(view_of).par_iter().map(of_view).collect();
+    of_views.into_iter().flatten().collect()
 }
 
-impl Shared {
-    fn of(ballots: &Ballots, view_of: &[usize]) -> Self {
-        /// Number of Gaussians counted together: large enough that their table is small in comparison.
-        const RUN: usize = 1 << 17;
-        let segments = view_of.len();
-        let runs = ballots.gaussians().div_ceil(RUN);
-        let tables = (0..runs).into_par_iter().map(|run| {
-            let mut light = vec![0u64; segments * segments];
-            let mut carried = Vec::new();
-            for i in run * RUN..ballots.gaussians().min((run + 1) * RUN) {
-                main_segments(ballots.of(i), view_of, &mut carried);
-                for a in &carried {
-                    for b in &carried {
-                        let steps = (a.weight.min(b.weight) * LIGHT_STEPS) as u64;
-                        light[a.segment as usize * segments + b.segment as usize] += steps;
-                    }
-                }
-            }
-            light
-        });
-        let sum = |mut sum: Vec<u64>, other: Vec<u64>| {
-            sum.iter_mut().zip(other).for_each(|(sum, other)| *sum += other);
-            sum
-        };
-        Self { segments, light: tables.reduce(|| vec![0; segments * segments], sum) }
-    }
-
-    fn get(&self, a: usize, b: usize) -> u64 {
-        self.light[a * self.segments + b]
-    }
+/// The segments of each view that has any. Segments are sorted by view.
+fn segments_of_views(view_of: &[usize]) -> Vec<Range<usize>> {
+    let mut next = 0;
+    let range = |of_view: &[usize]| {
+        let first = next;
+        next += of_view.len();
+        first..next
+    };
+    view_of.chunk_by(|a, b| a == b).map(range).collect()
 }
 
 /// For every view that votes on a Gaussian, the segment with most of its votes; among equals, the first.
@@ -166,75 +168,193 @@ fn containment(both: f64, of_a: f64, of_b: f64) -> f64 {
     both / of_a.min(of_b)
 }
 
-/// Groups of segments while they are being joined; a group is named by its first segment.
+/// Groups of segments while they are being joined; a group is named by its first segment. Only pairs of groups that share light
+/// are listed, as no others can be joined.
 struct Groups {
-    /// `both[a * segments + b]`: light that is in a segment of `a` in one view and in a segment of `b` in another.
-    both: Vec<f64>,
-    /// `visible[a * segments + b]`: light of `a` that the views of `b` vote on, for whatever segment.
-    visible: Vec<f64>,
+    /// Of each group, the groups with which it shares light: light that is in a segment of one in one view and in a segment of
+    /// the other in another.
+    both: Vec<BTreeMap<usize, u64>>,
+    /// `voted_on[a * views + v]`: light of `a` that view `v` votes on, for whatever segment.
+    voted_on: Vec<u64>,
+    views: usize,
+    /// Of each group, the view of each of its segments.
+    views_of: Vec<Vec<usize>>,
     /// The group of every segment.
     group: Vec<usize>,
-    alive: Vec<usize>,
+}
+
+/// Two groups that may be joined.
+#[derive(Debug, PartialEq)]
+struct Pair {
+    overlap: f64,
+    a: usize,
+    b: usize,
+}
+
+impl Eq for Pair {}
+
+impl Ord for Pair {
+    /// The greatest is the pair with the largest overlap; among equals, the first.
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.overlap.total_cmp(&other.overlap).then((other.a, other.b).cmp(&(self.a, self.b)))
+    }
+}
+
+impl PartialOrd for Pair {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
+    }
 }
 
 impl Groups {
-    fn new(shared: &Shared, view_of: &[usize]) -> Self {
-        let segments = view_of.len();
+    fn new(mut shared: Shared, view_of: &[usize]) -> Self {
         let views = view_of.iter().max().map_or(0, |last| last + 1);
-        let mut voted_on = vec![0u64; segments * views];
-        for a in 0..segments {
-            for b in 0..segments {
-                voted_on[a * views + view_of[b]] += shared.get(a, b);
-            }
+        let mut voted_on = vec![0; view_of.len() * views];
+        for (a, with) in shared.iter_mut().enumerate() {
+            with.iter().for_each(|(b, light)| voted_on[a * views + view_of[*b]] += light);
+            with.remove(&a);
         }
-        let pairs = || (0..segments).flat_map(|a| (0..segments).map(move |b| (a, b)));
-        let both = |(a, b): (usize, usize)| if view_of[a] == view_of[b] { 0 } else { shared.get(a, b) };
-        Self {
-            both: pairs().map(|pair| both(pair) as f64).collect(),
-            visible: pairs().map(|(a, b)| voted_on[a * views + view_of[b]] as f64).collect(),
-            group: (0..segments).collect(),
-            alive: (0..segments).collect(),
-        }
+        let views_of = view_of.iter().map(|&view| vec![view]).collect();
+        Self { both: shared, voted_on, views, views_of, group: (0..view_of.len()).collect() }
     }
 
     /// Joins the pair of groups with the largest overlap (among equals, the first) while it exceeds the threshold.
     fn join_while(&mut self, overlap: fn(f64, f64, f64) -> f64, may_join: impl Fn(usize, usize) -> bool) {
-        while let Some((a, b)) = self.best_pair(overlap, &may_join) {
-            self.join(a, b);
+        let pair = |groups: &Self, a: usize, b: usize| {
+            let (a, b) = (a.min(b), a.max(b));
+            let both = *groups.both[a].get(&b)?;
+            let overlap = overlap(both as f64, groups.visible(a, b), groups.visible(b, a));
+            (overlap > SAME_PART_OVERLAP && may_join(a, b)).then_some(Pair { overlap, a, b })
+        };
+        let mut heap = BinaryHeap::new();
+        for (a, with) in self.both.iter().enumerate() {
+            heap.extend(with.range(a + 1..).filter_map(|(&b, _)| pair(self, a, b)));
+        }
+        while let Some(best) = heap.pop() {
+            // The overlap may have changed since the pair was listed, or one of the groups may be gone.
+            if pair(self, best.a, best.b).as_ref() != Some(&best) {
+                continue;
+            }
+            self.join(best.a, best.b);
+            heap.extend(self.both[best.a].keys().filter_map(|&other| pair(self, best.a, other)));
         }
     }
 
-    fn best_pair(
-        &self,
-        overlap: fn(f64, f64, f64) -> f64,
-        may_join: &impl Fn(usize, usize) -> bool,
-    ) -> Option<(usize, usize)> {
-        let segments = self.group.len();
-        let mut best = (SAME_PART_OVERLAP, None);
-        for (n, &a) in self.alive.iter().enumerate() {
-            for &b in self.alive[n + 1..].iter().filter(|&&b| may_join(a, b)) {
-                let (ab, ba) = (a * segments + b, b * segments + a);
-                // Without common Gaussians this is 0 / 0, which is NaN and exceeds nothing.
-                let overlap = overlap(self.both[ab], self.visible[ab], self.visible[ba]);
-                if overlap > best.0 {
-                    best = (overlap, Some((a, b)));
-                }
-            }
-        }
-        best.1
+    /// Light of `a` that the views of `b` vote on, for whatever segment, as often as `b` has segments in them.
+    fn visible(&self, a: usize, b: usize) -> f64 {
+        let of_views = &self.voted_on[a * self.views..][..self.views];
+        self.views_of[b].iter().map(|&view| of_views[view]).sum::<u64>() as f64
     }
 
     fn join(&mut self, a: usize, b: usize) {
-        let segments = self.group.len();
-        self.alive.retain(|&group| group != b);
-        for &c in self.alive.iter().filter(|&&c| c != a) {
-            for table in [&mut self.both, &mut self.visible] {
-                table[a * segments + c] += table[b * segments + c];
-                table[c * segments + a] += table[c * segments + b];
+        for (c, light) in std::mem::take(&mut self.both[b]) {
+            self.both[c].remove(&b);
+            if c != a {
+                *self.both[a].entry(c).or_default() += light;
+                *self.both[c].entry(a).or_default() += light;
             }
         }
+        for view in 0..self.views {
+            self.voted_on[a * self.views + view] += self.voted_on[b * self.views + view];
+        }
+        let joined = std::mem::take(&mut self.views_of[b]);
+        self.views_of[a].extend(joined);
         for group in self.group.iter_mut().filter(|group| **group == b) {
             *group = a;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    type Overlap = fn(f64, f64, f64) -> f64;
+    type MayJoin = fn(usize, usize) -> bool;
+
+    /// Joins groups as [`Groups`] does, but with tables of all pairs, every one of which it compares for each join.
+    fn joined_by_tables(
+        shared: &[BTreeMap<usize, u64>],
+        view_of: &[usize],
+        overlap: Overlap,
+        may_join: MayJoin,
+    ) -> Vec<usize> {
+        let all = 0..view_of.len();
+        let light = |a: usize, b: usize| shared[a].get(&b).copied().unwrap_or(0) as f64;
+        let in_view =
+            |a: usize, view: usize| all.clone().filter(|&b| view_of[b] == view).map(|b| light(a, b)).sum::<f64>();
+        let table = |value: &dyn Fn(usize, usize) -> f64| -> Vec<Vec<f64>> {
+            all.clone().map(|a| all.clone().map(|b| value(a, b)).collect()).collect()
+        };
+        let mut both = table(&|a, b| if view_of[a] == view_of[b] { 0.0 } else { light(a, b) });
+        let mut visible = table(&|a, b| in_view(a, view_of[b]));
+        let (mut group, mut alive): (Vec<usize>, Vec<usize>) = (all.clone().collect(), all.clone().collect());
+        loop {
+            let mut best = (SAME_PART_OVERLAP, None);
+            for (n, &a) in alive.iter().enumerate() {
+                for &b in alive[n + 1..].iter().filter(|&&b| may_join(a, b)) {
+                    let overlap = overlap(both[a][b], visible[a][b], visible[b][a]);
+                    if overlap > best.0 {
+                        best = (overlap, Some((a, b)));
+                    }
+                }
+            }
+            let Some((a, b)) = best.1 else { return group };
+            alive.retain(|&group| group != b);
+            for &c in alive.iter().filter(|&&c| c != a) {
+                for table in [&mut both, &mut visible] {
+                    table[a][c] += table[b][c];
+                    table[c][a] += table[c][b];
+                }
+            }
+            group.iter_mut().filter(|group| **group == b).for_each(|group| *group = a);
+        }
+    }
+
+    /// Six views of up to five segments, 300 Gaussians: each is in one of five parts, of which each view shows most as a
+    /// segment, and puts some Gaussians into another. Small weights, so that overlaps are often equal.
+    fn made_up(seed: u64) -> (Ballots, Vec<usize>) {
+        let mut random = fastrand::Rng::with_seed(seed);
+        let view_of: Vec<usize> = (0..6).flat_map(|view| [view; 5]).collect();
+        let mut of_views = vec![Vec::new(); 6];
+        for gaussian in 0..300 {
+            let part = random.u32(0..5);
+            for (view, ballots) in (0..).zip(&mut of_views) {
+                if random.u32(0..3) > 0 {
+                    let shown = if random.u32(0..6) == 0 { random.u32(0..5) } else { part };
+                    let weight = f32::from(random.u8(0..3));
+                    ballots.push((gaussian, Ballot { segment: 5 * view + shown, weight }));
+                }
+            }
+        }
+        (Ballots::sorted(300, of_views), view_of)
+    }
+
+    #[test]
+    fn groups_are_those_that_comparing_all_pairs_finds() {
+        let rules: [(Overlap, MayJoin); 2] = [(jaccard, |_, _| true), (containment, |a, b| a % 2 == b % 2)];
+        let mut joined = 0;
+        for seed in 0..50 {
+            let (ballots, view_of) = made_up(seed);
+            let shared = shared_light(&ballots, &view_of);
+            for (overlap, may_join) in rules {
+                let mut groups = Groups::new(shared.clone(), &view_of);
+                groups.join_while(overlap, may_join);
+                assert_eq!(groups.group, joined_by_tables(&shared, &view_of, overlap, may_join), "seed {seed}");
+                joined += groups.group.iter().enumerate().filter(|(n, group)| n != *group).count();
+            }
+        }
+        assert!(joined > 100, "most of them join segments: {joined}");
+    }
+
+    #[test]
+    fn segments_share_the_lesser_light_of_two_views() {
+        let ballot = |segment, weight| Ballot { segment, weight };
+        // View 0 has segments 0 and 1, view 1 has segment 2. View 0 puts most of Gaussian 0 into segment 1.
+        let first = vec![(0, ballot(0, 0.25)), (0, ballot(1, 0.5)), (1, ballot(0, 1.0))];
+        let second = vec![(0, ballot(2, 0.25)), (2, ballot(2, 2.0))];
+        let shared = shared_light(&Ballots::sorted(3, vec![first, second]), &[0, 0, 1]);
+        let expected: [Vec<(usize, u64)>; 3] = [vec![(0, 256)], vec![(1, 128), (2, 64)], vec![(1, 64), (2, 64 + 512)]];
+        assert_eq!(shared, expected.map(BTreeMap::from_iter));
     }
 }

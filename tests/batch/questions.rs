@@ -3,7 +3,7 @@
 use serde_json::{Value, json};
 
 use super::ball::Balls;
-use super::{batch, outcomes, stderr};
+use super::{batch, contents, outcomes, stderr};
 use crate::query::batch_api::{BatchApiServer, answered, completed};
 use crate::query::{a, good_answer};
 use crate::run::gprop;
@@ -65,6 +65,38 @@ fn all_scenes_queries_go_out_and_come_in_together() {
         .map(|line| serde_json::from_str::<Value>(line).unwrap()["state"].clone())
         .collect();
     assert_eq!(states.iter().filter(|state| *state == "done").count(), 2, "{states:?}");
+}
+
+/// Also with a scene that is added while the answers are still to come.
+#[test]
+fn scenes_with_the_same_questions_pay_for_them_once() {
+    let balls = Balls::new(3);
+    for (path, bytes) in contents(&balls.scene(0)) {
+        (1..3).for_each(|number| std::fs::write(balls.scene(number).join(&path), &bytes).unwrap());
+    }
+    let later = balls.folder().with_file_name("later");
+    std::fs::rename(balls.scene(2), &later).unwrap();
+    let good = good_answer(a("wood"));
+    let server = BatchApiServer::new(&good);
+    let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
+    let step = |step: &str| {
+        batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0", "--queries", step])
+    };
+    let sent = json_of(&mut step("submit"), 0);
+    assert_eq!((&sent["sent"], &sent["waiting"]), (&json!(5), &json!(0)), "one of six was asked at once");
+    std::fs::rename(&later, balls.scene(2)).unwrap();
+    let sent = json_of(&mut step("submit"), 0);
+    assert_eq!((&sent["sent"], &sent["waiting"]), (&json!(0), &json!(10)));
+
+    let counts = json!({ "total": 5, "completed": 1, "failed": 0 });
+    server.set(json!({ "id": "batch-1", "status": "in_progress", "request_counts": counts }), &[], &[]);
+    assert_eq!(json_of(&mut step("collect"), 5)["running_total"], 5, "requests, whoever waits for them");
+    let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good)).collect();
+    server.set(completed(), &output, &[]);
+    assert_eq!(json_of(&mut step("collect"), 0)["recorded"], 15);
+    for number in 0..3 {
+        assert_eq!(std::fs::read_dir(balls.scene(number).join("recorded")).unwrap().count(), 6, "{number}");
+    }
 }
 
 #[test]

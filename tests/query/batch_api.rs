@@ -213,6 +213,15 @@ fn a_batch_goes_out_and_its_answers_are_replayed() {
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");
 }
 
+#[test]
+fn what_was_asked_at_once_is_not_sent_too() {
+    let (server, place) = (BatchApiServer::new(&good()), Place::new());
+    let options = Options { answers: AnswerSource::Live, ..server.options() };
+    assert_eq!(place.query_session(&options).submit().unwrap().sent, 3, "the first of four was asked at once");
+    let at_once = place.recorded()[0].file_stem().unwrap().to_string_lossy().into_owned();
+    assert!(!server.sent().contains(&at_once), "paid twice");
+}
+
 /// A submission whose three answers have come, and its options.
 fn answered_submission() -> (BatchApiServer, Place, Options) {
     let (server, place) = (BatchApiServer::new(&good()), Place::new());

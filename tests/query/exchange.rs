@@ -4,7 +4,7 @@ use std::process::Output;
 
 use gprop::materials::MaterialLibrary;
 use gprop::query::exchange::{self, ExchangeError};
-use gprop::query::recorded::Recordings;
+use gprop::query::recorded::{Answerer, Recording, Recordings};
 use gprop::query::rounds::Subject;
 use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts, Queries, SegmentQuery};
 use serde_json::{Value, json};
@@ -79,6 +79,34 @@ fn what_goes_out_comes_back_and_is_replayed() {
         .collect();
     assert_eq!(materials, [(a("wood"), Match::Exact), (a("metal"), Match::Exact)]);
     assert!(queries.unanswered(&recordings(&recorded), None).is_empty(), "an export now holds nothing");
+}
+
+#[test]
+fn an_answer_that_cannot_be_used_is_exported_and_yields_to_any_other() {
+    let (prompts, options) = (Prompts::builtin(), small());
+    let replay = Options { answers: AnswerSource::Replay, ..small() };
+    let views = [two_segments("000", 80, 80)];
+    let (queries, to_replay) = (prepare(&views, &prompts, &options), prepare(&views, &prompts, &replay));
+    // Whatever the order of their keys.
+    for name in ["a", "b", "c", "d"] {
+        let home = tempfile::tempdir().unwrap();
+        let (out, recorded) = (home.path().join("out"), home.path().join("recorded"));
+        let store = recordings(&recorded);
+        for segment in &queries.segments {
+            let asked = segment.asked(queries.questions.first());
+            let answerer = Answerer { model: "older".into(), parameters: Value::Null };
+            store.insert(&Recording::new(&answerer, asked, "about wood".into(), None, None)).unwrap();
+        }
+        let failed = || run(&to_replay, &recordings(&recorded), None).unwrap().answers.failed().count();
+        assert_eq!((failed(), export(&out, &queries, &store)), (2, 2));
+        let lines: Vec<String> = names(&fs::read_to_string(out.join("answers.jsonl")).unwrap())
+            .into_iter()
+            .map(|query| json!({ "query": query, "answer": good_answer(a("wood")) }).to_string())
+            .collect();
+        fs::write(out.join("answers.jsonl"), lines.join("\n")).unwrap();
+        assert_eq!(exchange::import(&out, Some(name), &queries, &store).unwrap().recorded, 2);
+        assert_eq!((failed(), queries.unanswered(&store, None).len()), (0, 0), "{name}");
+    }
 }
 
 /// Answers that were imported under the name of the server's model are not the server's, but an export goes on from them.

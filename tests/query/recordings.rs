@@ -150,6 +150,28 @@ fn live_asks_although_it_is_recorded() {
 }
 
 #[test]
+fn a_new_answer_counts_and_not_a_copy_of_the_old_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let prompts = Prompts::builtin();
+    let live = Options { answers: AnswerSource::Live, ..small() };
+    let views = [two_segments("000", 80, 80)];
+    let ask = |material: &'static str| {
+        let asker = Scripted::new(move |_| text(good_answer(material)));
+        run(&prepare(&views, &prompts, &live), &recordings(folder.path()), Some(&asker)).unwrap();
+    };
+    ask(a("wood"));
+    for key in recordings(folder.path()).keys() {
+        fs::copy(folder.path().join(format!("{key}.json")), folder.path().join(format!("z{key}.json"))).unwrap();
+    }
+    ask(a("metal"));
+    let replayed = run(&prepare(&views, &prompts, &replay()), &recordings(folder.path()), None).unwrap();
+    let expected = a("metal");
+    for segment in &replayed.answers.segments {
+        assert!(matches!(&segment.outcome, Outcome::Answered(answer) if answer.material == expected), "{segment:?}");
+    }
+}
+
+#[test]
 fn an_unusable_answer_is_asked_once_more_with_the_reason() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();

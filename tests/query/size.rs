@@ -6,6 +6,7 @@ use std::process::Output;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
+use gprop::scene::gaussians::BODY_DEVIATIONS;
 use serde_json::{Value, json};
 
 use super::{a, good_answer};
@@ -13,8 +14,9 @@ use crate::batch::ball::Balls;
 use crate::batch::contents;
 use crate::run::gprop;
 
-/// The balls are 0.2 scene units wide, and no scale but the estimate is stated.
-const WIDTH: f64 = 0.2;
+/// Width of the balls in scene units: their Gaussians lie on a sphere of radius 0.1, and have standard deviations of 0.012. No
+/// scale but the estimate is stated.
+const WIDTH: f64 = 2.0 * (0.1 + 0.012 * BODY_DEVIATIONS);
 const FEW: &[&str] = &["--frames", "2", "--duration", "0.02", "--grid", "16"];
 /// Stands wherever kilograms or newtons do.
 const MARK: &str = "estimated scale";
@@ -65,7 +67,7 @@ fn the_scale_follows_from_the_answer_and_all_results_say_so() {
     let found = json_of_file(&balls, "size.json");
     let view = found["view"].as_str().unwrap();
     assert!(balls.scene(0).join(format!("gprop/sheets/{view}_0.jpg")).is_file());
-    // The centres of the outermost Gaussians lie almost a radius away from the middle.
+    // The centres of the outermost Gaussians lie almost 0.1 scene units away from the middle.
     let scale = found["scale"]["meters_per_unit"].as_f64().unwrap();
     let expected = (0.36_f64 * 0.44).sqrt() / WIDTH;
     assert!((scale / expected - 1.0).abs() < 0.03, "{scale} is not {expected}");

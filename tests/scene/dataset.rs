@@ -82,6 +82,29 @@ fn any_folder_of_scenes_is_listed() {
 }
 
 #[test]
+fn a_work_folder_is_not_a_scene() {
+    let scene = tempfile::tempdir().unwrap();
+    let work = scene.path().join("gprop");
+    std::fs::create_dir(scene.path().join("images")).unwrap();
+    std::fs::create_dir(&work).unwrap();
+    let splat = fixture("abo/scenes/B0000EXAM1_ATVPDKIKX0DER/point_cloud.ply");
+    for result in ["field.ply", "field_recolored.ply"] {
+        std::fs::copy(&splat, work.join(result)).unwrap();
+    }
+    std::fs::write(work.join("run.json"), "{}").unwrap();
+    assert_message(dataset::list(scene.path(), None), &["no scenes in"]);
+    assert_message(scene::load(scene.path(), &Options::default()), &["no splat in"]);
+    let listed =
+        || dataset::list(scene.path(), None).unwrap().scenes.iter().map(|s| s.name.clone()).collect::<Vec<_>>();
+    // The user's own splat is one, whatever lies beside it; so is a splat that has the name of a result elsewhere.
+    std::fs::copy(&splat, work.join("own.ply")).unwrap();
+    assert_eq!(listed(), ["gprop"]);
+    std::fs::remove_file(work.join("own.ply")).unwrap();
+    std::fs::remove_file(work.join("run.json")).unwrap();
+    assert_eq!(listed(), ["gprop"]);
+}
+
+#[test]
 fn a_folder_without_scenes_is_refused() {
     let empty = tempfile::tempdir().unwrap();
     let list = |folder: &Path| dataset::list(folder, None).map(|found| panic!("{found:?}"));

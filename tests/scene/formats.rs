@@ -423,12 +423,14 @@ fn the_sample_ksplat_is_read() {
 
 /// A SOG bundle of two Gaussians with PNGs for pictures; `change` alters its description.
 fn sog_bundle(change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
-    let png = |pixel: [u8; 4]| {
+    let encoded = |picture: image::RgbaImage| {
         let mut bytes = std::io::Cursor::new(Vec::new());
-        let picture = image::RgbaImage::from_pixel(2, 2, image::Rgba(pixel));
         picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();
         bytes.into_inner()
     };
+    let png = |pixel: [u8; 4]| encoded(image::RgbaImage::from_pixel(2, 2, image::Rgba(pixel)));
+    // One row of a palette of degree 1: pixel x holds the entries x, x + 3 and x + 6 of a codebook.
+    let palette = image::RgbaImage::from_fn(64 * 3, 1, |x, _| image::Rgba([x, x + 3, x + 6, 255].map(|v| v as u8)));
     let mut meta = serde_json::json!({
         "version": 2, "count": 2,
         "means": { "mins": [0.0, -1.0, 0.0], "maxs": [1.0, 1.0, 1.0], "files": ["low.png", "high.png"] },
@@ -445,6 +447,8 @@ fn sog_bundle(change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
         ("scales.png", png([0, 1, 0, 255])),
         ("quats.png", png([255, 128, 128, 253])),
         ("sh0.png", png([0, 1, 1, 128])),
+        ("palette.png", encoded(palette)),
+        ("entries.png", png([0, 0, 0, 255])),
     ];
     for (name, bytes) in files {
         archive.start_file(name, zip::write::SimpleFileOptions::default()).unwrap();
@@ -468,6 +472,20 @@ fn a_sog_is_what_it_says() {
         close(&gaussians.rotations[0], &[std::f32::consts::FRAC_1_SQRT_2, 0.707_096, 0.002_773, 0.002_773], 1e-4),
         "{gaussians:?}"
     );
+}
+
+#[test]
+fn a_sog_has_harmonics_by_channel() {
+    let codebook: Vec<f32> = (0..9).map(|n| n as f32 / 8.0).collect();
+    let with_harmonics = |count: usize| {
+        sog_bundle(|meta| {
+            let files = ["palette.png", "entries.png"];
+            meta["shN"] = serde_json::json!({ "bands": 1, "count": count, "codebook": codebook, "files": files });
+        })
+    };
+    let gaussians = sog::parse(&with_harmonics(1)).unwrap().gaussians;
+    assert_eq!((gaussians.sh_degree, gaussians.sh_rest), (1, codebook.repeat(2)));
+    assert!(sog::parse(&with_harmonics(0)).unwrap_err().to_string().contains("entry 0 of the palette"));
 }
 
 #[test]

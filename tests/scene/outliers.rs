@@ -154,7 +154,7 @@ fn scales_that_no_object_can_have_are_refused_with_the_size_they_make() {
     for (text, size) in [
         ("3000", "1.0 km"),
         ("1e-3", "um"),
-        ("bbox:x=1000", "1.0 km"),
+        ("bbox:x=1001", "1.0 km"),
         ("bbox:x=1e-5", "10.0 um"),
         ("known-length:0,0,0:0,0,1e-6=1", "km"),
         ("known-length:0,0,0:0,0,1e-150=1", "e149 m"),
