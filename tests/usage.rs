@@ -377,6 +377,7 @@ fn paths_that_are_not_there_end_with_a_code_and_their_name() {
         (&["show", scene, "field.gif", "--view", "001"], &["--view is for a picture of one view", "field.gif"]),
         (&["show", scene, "field.png", "--size", "320x180"], &["--size and --fps are for a film", "field.png"]),
         (&["segment", file, "--masks", data], &["--masks is for the views of a scene", "--mask"]),
+        (&["segment", file, "--masks", data, "--dry-run"], &["--masks is for the views of a scene", "--mask"]),
         (&["export", nowhere, "--format", "npz", "--out", data], &[nowhere]),
         (&["export", scene, "--format", "npz", "--out", file], &[file, "--out"]),
         (&["inspect", scene, "--html", data], &["--html", data]),

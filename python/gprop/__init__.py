@@ -122,7 +122,7 @@ def load(work: str | Path) -> Result:
             grasps=_grasps(grasp),
             grasp=grasp,
         )
-    except (AttributeError, KeyError, TypeError, ValueError) as error:
+    except (AttributeError, KeyError, OverflowError, TypeError, ValueError) as error:
         problem = f"labels.json, parts.json, grasp.json and field.ply are not what gprop wrote: {error!r}; run gprop again"
         raise ValueError(f"{str(folder)!r} is damaged: {problem}") from None
 
@@ -151,12 +151,15 @@ def _parts(labels: list, measured: dict | None, field: np.ndarray) -> np.ndarray
     bodies = {}
     for part in (measured or {"parts": []})["parts"]:
         bodies.setdefault(part["id"], []).append(part)
+    part_of_gaussian = field["part_label"].astype(np.int64)
+    if part_of_gaussian.max(initial=-1) >= len(labels):
+        raise ValueError("field.ply has a part that labels.json does not list")
     columns = [
         ("id", _array([label["id"] for label in labels], np.int64)),
         ("caption", np.array([label["caption"] for label in labels], dtype=np.str_)),
         ("material", np.array([label["material"] for label in labels], dtype=np.str_)),
         ("family", np.array([label["family"] for label in labels], dtype=np.str_)),
-        ("gaussians", np.bincount(field["part_label"].astype(np.int64), minlength=len(labels))),
+        ("gaussians", np.bincount(part_of_gaussian, minlength=len(labels))),
     ]
     columns += [(name, _column(labels, name, shape)) for name, shape in _PROPERTIES.items()]
     parts = [_combined(bodies.get(label["id"], [{}])) for label in labels]

@@ -153,8 +153,9 @@ class Made(unittest.TestCase):
         (self.folder / "labels.json").write_text("[")
         with self.assertRaisesRegex(ValueError, "labels.json"):
             gprop.load(self.folder)
-        # The second has a label less than field.ply.
-        for damaged in ({}, [json.loads(labels)[0]], [{}], [3]):
+        cup, lid = json.loads(labels)
+        # The second has a label less than field.ply, the third a number that no 64 bits hold.
+        for damaged in ({}, [cup], [cup, lid | {"id": 10**30}], [{}], [3]):
             self.write("labels.json", damaged)
             with self.assertRaisesRegex(ValueError, "gprop' is damaged"):
                 gprop.load(self.folder)

@@ -2,6 +2,7 @@
 //! gathered, and the questions that were sent are noted in the batch's folder, each with its scene. Answers are
 //! recorded where the scene itself would have recorded them, so that the next run of the batch finds them.
 
+use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
@@ -82,7 +83,8 @@ impl<'a> Questions<'a> {
             first = self.ask_first(&scenes, &taken)?;
             check_submission(&later, &self.budget, self.client.answerer())?;
         }
-        let mut shared = Vec::new();
+        // Noted with each job, so that a submission that is cut short leaves no scene without its answers.
+        let shared = RefCell::new(Vec::<Waiting>::new());
         let gather = |scene: &&Selected| {
             let open = self.requests(scene, first.as_ref()).unwrap_or_else(|error| {
                 failures.push((scene.name.clone(), error::message(&error)));
@@ -90,16 +92,17 @@ impl<'a> Questions<'a> {
             });
             let is_new = |request: &Request| taken.insert(request.waiting.key.clone());
             let (new, known): (Vec<Request>, Vec<Request>) = open.into_iter().partition(is_new);
-            shared.extend(known.into_iter().map(|request| request.waiting));
+            shared.borrow_mut().extend(known.into_iter().map(|request| request.waiting));
             new
         };
         let mut sent = 0;
         api::submit(&self.client, scenes.iter().flat_map(gather), |job| -> Result<()> {
             sent += job.waiting.len();
             submitted.jobs.push(job);
+            submitted.share(shared.take());
             self.save(&submitted)
         })?;
-        if submitted.share(shared) {
+        if submitted.share(shared.into_inner()) {
             self.save(&submitted)?;
         }
         Ok((Sent { sent, waiting }, failures))

@@ -1,5 +1,7 @@
 //! The best places to grasp at: forces, torque, free space, ranked.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -81,17 +83,26 @@ pub struct Object<'a> {
     pub surface: &'a Surface,
 }
 
-/// The [`REPORTED`] best places, the best first.
+/// The result of the search.
+#[derive(Debug, Default)]
+pub struct Found {
+    /// The [`REPORTED`] best places, the best first.
+    pub candidates: Vec<Candidate>,
+    /// Why parts with places were left out, one error for each.
+    pub left_out: Vec<GraspError>,
+}
+
+/// The best places. Parts whose friction, strength, stiffness or thickness is not positive are left out.
 ///
 /// # Errors
-/// If every antipodal place is wider than the gripper's stroke, none has free space for the fingers, or a part's
-/// friction, strength, stiffness, thickness or mass is not positive.
+/// If every antipodal place is wider than the gripper's stroke, the mass is not positive, or none of the places has free
+/// space for the fingers; if parts were left out, why the first of them was.
 pub fn candidates(
     object: &Object,
     place: Where,
     gripper: &GripperProfile,
     options: &Options,
-) -> Result<Vec<Candidate>, GraspError> {
+) -> Result<Found, GraspError> {
     let what = || match place {
         Where::Part(id) => object.parts.of_label(id).map_or_else(String::new, |p| format!("part {:?}", p.caption)),
         Where::Anywhere | Where::Near(_) => "the object".to_owned(),
@@ -121,12 +132,21 @@ pub fn candidates(
         distance / radius + MISALIGNMENT_WEIGHT * misalignment + forces.f_min_n / forces.upper.newtons
     };
     let mut ranked = Vec::with_capacity(fitting.len());
+    let mut left_out: BTreeMap<u32, GraspError> = BTreeMap::new();
     for p in &fitting {
-        if let Some(forces) = forces_at(object, p, gripper, options)? {
-            let turns = torque_margin_n_m(&forces, p.lever_m(center), gripper.contact_radius_m()) < 0.0;
-            ranked.push(((forces.star.infeasible_because.is_some(), turns), cost(p, &forces), p, forces));
+        match forces_at(object, p, gripper, options) {
+            Ok(Some(forces)) => {
+                let turns = torque_margin_n_m(&forces, p.lever_m(center), gripper.contact_radius_m()) < 0.0;
+                ranked.push(((forces.star.infeasible_because.is_some(), turns), cost(p, &forces), p, forces));
+            }
+            Ok(None) => {}
+            Err(error @ GraspError::Property { .. }) => {
+                left_out.entry(p.part).or_insert(error);
+            }
+            Err(error) => return Err(error),
         }
     }
+    let mut left_out = left_out.into_values();
     ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
 
     let side = gripper.finger_side_m();
@@ -144,9 +164,10 @@ pub fn candidates(
         }
     }
     if chosen.is_empty() {
-        return Err(GraspError::NoPlace { what: what() });
+        return Err(left_out.next().unwrap_or_else(|| GraspError::NoPlace { what: what() }));
     }
-    Ok(chosen.into_iter().map(|(_, candidate)| candidate).collect())
+    let candidates = chosen.into_iter().map(|(_, candidate)| candidate).collect();
+    Ok(Found { candidates, left_out: left_out.collect() })
 }
 
 /// The forces at a place; `None` if its part has no mass and so is not part of the object.

@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
 use crate::parts::{Part, Parts};
 use crate::vote::FieldLabel;
 pub use calibration_report::CalibrationReport;
-use candidates::{Candidate, Object};
+use candidates::{Candidate, Found, Object};
 pub use error::GraspError;
 use fingers::FINGER_LENGTH_M;
 use grasped_part::PartChoice;
@@ -130,9 +130,9 @@ pub struct GraspReport {
 ///
 /// # Errors
 /// If a lift angle, curvature or margin is outside its domain; if a part does not exist, its name is ambiguous, or it has
-/// no volume; if a part's friction, strength, stiffness or thickness, or a mass, is not positive. If the user says where to
-/// grasp: if a point is farther from the object than a finger's length, or no place there has space for the fingers within
-/// the stroke; otherwise this is only a warning.
+/// no volume; if the mass, or the grasped part's friction, strength, stiffness or thickness, is not positive (of other
+/// parts, this is only a warning). If the user says where to grasp: if a point is farther from the object than a finger's
+/// length, or no place there has space for the fingers within the stroke; otherwise this is only a warning.
 pub fn grasp(
     parts: &Parts,
     labels: &[FieldLabel],
@@ -165,16 +165,17 @@ pub fn grasp(
         let object = Object { parts, labels, surface };
         candidates::candidates(&object, place, gripper, options)
     });
-    let candidates = match found {
-        Some(Err(error @ (GraspError::StrokeTooSmall { .. } | GraspError::NoPlace { .. })))
-            if !options.names_a_place() =>
-        {
+    let Found { candidates, left_out } = match found {
+        Some(Err(
+            error @ (GraspError::StrokeTooSmall { .. } | GraspError::NoPlace { .. } | GraspError::Property { .. }),
+        )) if !options.names_a_place() => {
             warnings.push(error.to_string());
-            Vec::new()
+            Found::default()
         }
         Some(found) => found?,
-        None => Vec::new(),
+        None => Found::default(),
     };
+    warnings.extend(left_out.iter().map(|why| format!("a part was left out of the search for places: {why}")));
     let (part, part_chosen, thickness_m) = match candidates.first() {
         Some(best) => {
             let part = parts.of_label(best.part_id).unwrap_or(part);

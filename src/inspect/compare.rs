@@ -78,13 +78,13 @@ pub(super) fn covered(picture: &Render) -> Vec<bool> {
 
 /// [`mask_iou`] of the object or, if that is larger, of all Gaussians: `--object-box` may hold only some of what the
 /// photos' masks or alpha show. But then the object lies inside the foreground, so the share of its area that does is a
-/// limit for the latter.
+/// limit for the latter. `None` if neither the photo nor the splat shows the object, whatever surrounds it.
 pub(super) fn overlap(coverage: &GrayImage, object: &[bool], all: &[bool]) -> Option<f64> {
     let inside =
         coverage.as_raw().iter().zip(object).filter(|(coverage, object)| **object && **coverage >= HALF).count();
     let share = inside as f64 / object.iter().filter(|object| **object).count().max(1) as f64;
-    let of_all = mask_iou(coverage, all).map(|iou| iou.min(share));
-    mask_iou(coverage, object).into_iter().chain(of_all).reduce(f64::max)
+    let of_object = mask_iou(coverage, object)?;
+    Some(mask_iou(coverage, all).map_or(of_object, |of_all| of_object.max(of_all.min(share))))
 }
 
 /// Intersection over union of the object in a photo, at least half covered there, and in the splat; `None` if neither
@@ -112,5 +112,7 @@ mod tests {
         assert_eq!(overlap(&coverage, &between(6, 10), &all), Some(0.0));
         assert_eq!(overlap(&coverage, &between(0, 2), &all), Some(0.6), "of all");
         assert_eq!(overlap(&coverage, &between(0, 5), &all), Some(5.0 / 6.0), "of the object");
+        assert_eq!(overlap(&coverage, &between(0, 0), &all), Some(0.0), "the object is only in the photo");
+        assert_eq!(overlap(&GrayImage::new(10, 1), &between(0, 0), &all), None, "the object is out of the picture");
     }
 }

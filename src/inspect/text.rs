@@ -20,7 +20,7 @@ pub fn to_text(inspection: &Inspection) -> String {
     }
     line("Gaussians", gaussians(inspection));
     let [x, y, z] = inspection.extent.size;
-    line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z), without outliers"));
+    line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z) between centres, without outliers"));
     line("scale", scale(inspection));
     line("cameras", cameras(inspection));
     if let Some(source) = inspection.foreground {

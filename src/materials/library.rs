@@ -103,7 +103,8 @@ impl MaterialLibrary {
     /// `families.csv`, `fillings.csv` and other tables of the built-in folder.
     ///
     /// A material, family or filling whose name is in the library replaces that row; every other row is added. A reference,
-    /// an entry of one or a rule whose name is in the library is refused. Files are read in the order of their names.
+    /// an entry of one or a rule whose name is in the library is refused, unless it is the same row. Files are read in the
+    /// order of their names.
     pub fn load(path: &Path) -> Result<Self, LibraryError> {
         let files = csv_files(path)?;
         let mut texts = Vec::with_capacity(files.len());

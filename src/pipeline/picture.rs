@@ -70,17 +70,7 @@ impl Picture {
         options: Options,
         progress: Progress,
     ) -> Result<Self> {
-        if options.segment.segments.is_some() {
-            return Err(UsageError(
-                "--segments is for the views of a scene; gprop finds a picture's segments itself".to_owned(),
-            )
-            .into());
-        }
-        if options.scene.masks.is_some() {
-            let problem = "--masks is for the views of a scene; give `gprop query` the mask of a picture with --mask";
-            return Err(UsageError(problem.to_owned()).into());
-        }
-        check_formats(&options.segment.also)?;
+        check_options(&options)?;
         let (photo, size) = Photo::open(path, mask)?;
         let work = WorkDir::open(&work_folder(path, out)?)?;
         let (name, key) = (file_name(path), segments_key(path, mask, &options)?);
@@ -97,6 +87,7 @@ impl Picture {
     /// True if an earlier run found the picture's segments and they are still valid; does not create or change
     /// anything.
     pub fn is_segmented(path: &Path, mask: Option<&Path>, out: Option<&Path>, options: &Options) -> Result<bool> {
+        check_options(options)?;
         Photo::open(path, mask)?;
         let (folder, key) = (work_folder(path, out)?, segments_key(path, mask, options)?);
         Ok(folder.exists() && segmented_before(&WorkDir::open_to_read(&folder)?, &file_name(path), &key)?.is_some())
@@ -145,6 +136,18 @@ impl Picture {
     }
 }
 
+/// Refuses options that do not fit a picture.
+fn check_options(options: &Options) -> Result<(), UsageError> {
+    let problem = if options.segment.segments.is_some() {
+        "--segments is for the views of a scene; gprop finds a picture's segments itself"
+    } else if options.scene.masks.is_some() {
+        "--masks is for the views of a scene; give `gprop query` the mask of a picture with --mask"
+    } else {
+        return check_formats(&options.segment.also);
+    };
+    Err(UsageError(problem.to_owned()))
+}
+
 /// Hash of everything that the segments depend on.
 fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<String> {
     let mut hasher =
@@ -159,9 +162,15 @@ fn segments_key(path: &Path, mask: Option<&Path>, options: &Options) -> Result<S
 /// longer valid, or the picture had another name then.
 ///
 /// # Errors
-/// If the work folder holds the results of another picture, which would be overwritten.
+/// If the work folder holds the results of another picture or of a scene, which would be overwritten.
 fn segmented_before(work: &WorkDir, name: &str, key: &str) -> Result<Option<ViewSegments>, UsageError> {
     let mut stored = stored_segments(work);
+    if stored.picture.is_none() && !stored.views.is_empty() {
+        return Err(UsageError(format!(
+            "the work folder {:?} holds the results of a scene, not of {name:?}: name another folder with --out",
+            work.root()
+        )));
+    }
     if let Some(other) = stored.picture.as_deref().filter(|other| *other != name) {
         // The key covers the picture's content but not its name.
         if stored.views.values().any(|entry| entry.key == key) {
@@ -261,6 +270,17 @@ mod tests {
         let refused = segmented_before(&work, "mug.png", "another's").unwrap_err().to_string();
         assert!(["mug.jpg", "mug.png", "--out"].iter().all(|part| refused.contains(part)), "{refused}");
         assert!(segmented_before(&work, "cup.jpg", "key").unwrap().is_none(), "renamed, so it is segmented again");
+    }
+
+    #[test]
+    fn the_results_of_a_scene_are_not_those_of_a_picture() {
+        let folder = tempfile::tempdir().unwrap();
+        write_results(folder.path(), "mug.jpg", "key".to_owned());
+        let work = WorkDir::open(folder.path()).unwrap();
+        let of_scene = SegmentsFile { picture: None, ..stored_segments(&work) };
+        work.write_json(Artifact::Segments, &of_scene).unwrap();
+        let refused = segmented_before(&work, "mug.jpg", "key").unwrap_err().to_string();
+        assert!(["of a scene", "mug.jpg", "--out"].iter().all(|part| refused.contains(part)), "{refused}");
     }
 
     #[test]

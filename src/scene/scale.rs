@@ -35,7 +35,7 @@ pub enum ScaleChoice {
     /// Two points in scene units, and their distance in metres.
     KnownLength { from: [f64; 3], to: [f64; 3], meters: f64 },
     /// A side of the object's bounding box (0, 1, 2: along x, y, z) in metres. The scale has an interval, because it is uncertain
-    /// which Gaussians at the ends are strays.
+    /// which Gaussians at the ends are strays; with fewer than 200 Gaussians, none counts as one.
     BoundingBox { axis: usize, meters: f64 },
     /// Two views, and the distance between their cameras in metres.
     Cameras { a: String, b: String, meters: f64 },

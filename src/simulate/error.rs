@@ -49,9 +49,9 @@ pub enum SimulateError {
         cause: &'static str,
     },
     #[error(
-        "at t = {t_s:.6} s, before frame {frame}, something moves at {speed_m_s:.1e} m/s: the time steps that this speed allows are \
-         so short that the simulation would take far longer than --max-simulation-minutes; lower the scenario's speed, rate or \
-         force. Earlier frames are kept"
+        "at t = {t_s:.6} s, before frame {frame}, something moves at {speed_m_s:.1e} m/s: the time steps that this speed \
+         allows are so short that the simulation would take more than twice --max-simulation-minutes; lower the scenario's \
+         speed, rate or force, or raise --max-simulation-minutes. Earlier frames are kept"
     )]
     TooFast { speed_m_s: f64, t_s: f64, frame: usize },
     #[error("cannot resume from the checkpoint: {0}; delete it to start from the first frame")]

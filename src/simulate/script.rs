@@ -8,7 +8,6 @@ use serde::Deserialize;
 
 use super::action::{Action, Effect};
 use super::error::SimulateError;
-use super::filling::Body;
 use super::material::Material;
 use super::mpm::particles::Particle;
 use crate::output::toml_problem;
@@ -171,9 +170,9 @@ impl Step {
         of_what.iter().chain([&self.from, &self.to]).all(|number| number.is_finite())
     }
 
-    /// Whether its time lies outside the simulated time, or ends before it begins.
+    /// Whether nothing of its time lies within the simulated time.
     fn never_acts(&self) -> bool {
-        self.from.max(0.0) > self.to.min(1.0)
+        self.from.max(0.0) >= self.to.min(1.0)
     }
 }
 
@@ -211,7 +210,7 @@ impl Script {
     }
 
     /// Checks that the height and the tilt are within the limits of the options, that all numbers of steps are finite, and
-    /// that no step lies outside the simulated time or ends before it begins.
+    /// that every step acts at some time.
     fn check(&self) -> Result<(), SimulateError> {
         if !(0.0..=HIGHEST_DROP).contains(&self.drop_height) {
             let height = self.drop_height;
@@ -233,8 +232,8 @@ impl Script {
             }
             if step.never_acts() {
                 return Err(SimulateError::Scenario(format!(
-                    "step {number} never acts: it lasts from {from} to {to} of the simulated time; give fractions from 0 to \
-                     1, the smaller first"
+                    "step {number} never acts: it lasts from {from} to {to} of the simulated time; give two different \
+                     fractions from 0 to 1, the smaller first"
                 )));
             }
         }
@@ -300,6 +299,8 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
         }
         _ => vec![],
     };
+    // A blow of no duration, or an object that is let go at once.
+    script.steps.retain(|step| step.to != 0.0);
     script.check()?;
     Ok(script)
 }
@@ -382,8 +383,9 @@ impl Standing<'_> {
             "low_end" => within(self.longest_axis(), 0.0, END),
             "high_end" => within(self.longest_axis(), 1.0 - END, 1.0),
             part => {
-                let unknown = || SimulateError::Part { part: part.to_owned(), names: all_names(self.names) };
-                let found = parts_named(self.names, part).ok_or_else(unknown)?;
+                let simulated: BTreeSet<u32> = self.labels.iter().copied().collect();
+                let unknown = |names| SimulateError::Part { part: part.to_owned(), names };
+                let found = parts_named(self.names, &simulated, part).map_err(unknown)?;
                 self.labels.iter().map(|&l| found[l as usize]).collect()
             }
         })
@@ -403,20 +405,18 @@ impl Standing<'_> {
     }
 }
 
-/// The names of each part by which a step or an option may refer to it: its caption and its material. A part without
-/// `bodies` has no names: nothing of it is simulated, so nothing can act on it.
-pub(super) fn names_of_parts<'a>(materials: &'a [Material], bodies: &[Body]) -> Vec<Vec<&'a str>> {
-    let simulated: BTreeSet<u32> = bodies.iter().map(|body| body.label).collect();
-    let names = |(label, material): (u32, &'a Material)| match simulated.contains(&label) {
-        true => vec![material.caption.as_str(), material.name.as_str()],
-        false => vec![],
-    };
-    (0..).zip(materials).map(names).collect()
+/// The names of each part by which a step or an option may refer to it: its caption and its material.
+pub(super) fn names_of_parts(materials: &[Material]) -> Vec<Vec<&str>> {
+    materials.iter().map(|material| vec![material.caption.as_str(), material.name.as_str()]).collect()
 }
 
 /// For each part, whether `part` refers to it: by one of its `names`, or, if no part has this name, by words from one of
-/// its names. `None` if `part` refers to no part.
-pub(super) fn parts_named(names: &[Vec<&str>], part: &str) -> Option<Vec<bool>> {
+/// its names. Nothing can act on a part that is not among the `simulated` ones, but its name still stands for no other
+/// part.
+///
+/// # Errors
+/// If `part` refers to no simulated part: the names of all that are simulated, as a text.
+pub(super) fn parts_named(names: &[Vec<&str>], simulated: &BTreeSet<u32>, part: &str) -> Result<Vec<bool>, String> {
     let named = |is: fn(&str, &str) -> bool| -> Vec<bool> {
         names.iter().map(|names| names.iter().any(|name| is(name, part))).collect()
     };
@@ -424,15 +424,16 @@ pub(super) fn parts_named(names: &[Vec<&str>], part: &str) -> Option<Vec<bool>> 
     if !found.contains(&true) {
         found = named(mentions);
     }
-    found.contains(&true).then_some(found)
-}
-
-/// All names of parts, as a text for an error.
-pub(super) fn all_names(names: &[Vec<&str>]) -> String {
-    let mut all: Vec<&str> = names.iter().flatten().copied().collect();
+    for (label, found) in (0_u32..).zip(&mut found) {
+        *found &= simulated.contains(&label);
+    }
+    if found.contains(&true) {
+        return Ok(found);
+    }
+    let mut all: Vec<&str> = simulated.iter().flat_map(|&label| &names[label as usize]).copied().collect();
     all.sort_unstable();
     all.dedup();
-    all.join("`, `")
+    Err(all.join("`, `"))
 }
 
 /// True if the words of `part` occur in `name`, in their order and in singular or plural: "handle" in "body and handles

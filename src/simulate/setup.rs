@@ -201,7 +201,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     };
     let labels: Vec<u32> = filled.bodies.iter().map(|b| b.label).collect();
     let strays = input.gaussians.len() - carried.len();
-    let names = names_of_parts(input.materials, &filled.bodies);
+    let names = names_of_parts(input.materials);
     let standing = Standing {
         particles: &start,
         is_solid: &is_solid,
@@ -212,6 +212,9 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         duration_s,
     };
     let actions = standing.actions(&steps)?;
+    // A step also ends with each frame, and where an action begins or ends.
+    let ends = u64::from(options.frames) + 2 * actions.len() as u64;
+    let fitting = OVERRUN * options.max_simulation_minutes / minutes_per_substep;
     let bodies = Bodies {
         body_of: labels.iter().map(|&label| choice.body_of[label as usize]).collect(),
         part_of: labels.clone(),
@@ -260,7 +263,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         falls_until_s: falls_until_s(pose[0] * longest_m, spacing_m, options, &actions),
         actions,
         minutes,
-        most_substeps: (OVERRUN * options.max_simulation_minutes / minutes_per_substep) as u64,
+        most_substeps: ends.saturating_add(fitting as u64),
         report,
     })
 }

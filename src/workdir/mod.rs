@@ -189,7 +189,8 @@ pub enum WorkDirError {
     #[error("{path:?}: {problem}; run `{command}` to complete it")]
     Unfinished { path: PathBuf, problem: String, command: String },
     #[error(
-        "{path:?} is a link, and gprop writes only through links that you name; remove it, or give its target with {flag}"
+        "{path:?} is a link, and gprop reads and writes results only through links that you name; remove it, or give its \
+         target with {flag}"
     )]
     Link { path: PathBuf, flag: &'static str },
     #[error("{path:?} leads out of the work folder")]

@@ -168,6 +168,23 @@ fn a_stroke_that_is_too_small_is_told() {
     );
 }
 
+/// The disc may have no friction at all, so no force is sure to hold it there; the rod can still be grasped.
+#[test]
+fn a_part_with_a_bad_property_is_left_out() {
+    let mut scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
+    let auto = || Options { auto: true, ..Options::default() };
+    scene.labels[1].friction_rubber = Estimate::new(0.0, 0.5, 0.5);
+    let report = run(&scene, "paper", &auto()).unwrap();
+    assert!(!report.candidates.is_empty() && report.candidates.iter().all(|place| place.part_id == 0));
+    let tells = |warning: &String| warning.contains("left out") && warning.contains("friction of part \"part 1\"");
+    assert!(report.warnings.iter().any(tells), "{:?}", report.warnings);
+    let of_disc = run(&scene, "paper", &Options { part: Some("part 1".to_owned()), ..Options::default() });
+    assert!(matches!(of_disc, Err(GraspError::Property { .. })), "{of_disc:?}");
+    scene.labels[0].friction_rubber = scene.labels[1].friction_rubber;
+    let of_either = run(&scene, "paper", &auto());
+    assert!(matches!(of_either, Err(GraspError::Property { .. })), "{of_either:?}");
+}
+
 #[test]
 fn torque_by_hand() {
     let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);

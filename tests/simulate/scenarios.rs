@@ -132,12 +132,15 @@ fn wrong_names_are_refused_with_what_there_is() {
     {
         assert!(why(Script::from_toml(&format!("[[step]]\non = \"all\"\n{wrong}"))).contains("step 1"), "{wrong}");
     }
-    for [from, to] in [["0.5", "0.2"], ["2.0", "3.0"], ["-2.0", "-1.0"]] {
+    let never = [["0.5", "0.2"], ["0.5", "0.5"], ["1.0", "2.0"], ["2.0", "3.0"], ["-2.0", "-1.0"], ["-1.0", "0.0"]];
+    for [from, to] in never {
         let text = format!("[[step]]\non = \"all\"\ndo = \"hold\"\nfrom = {from}\nto = {to}");
         assert!(why(Script::from_toml(&text)).contains("step 1 never acts"), "{from} to {to}");
     }
     assert!(why(named("poke", &["lasts=-1".to_owned()])).contains("never acts"));
-    assert!(named("release", &["after=0".to_owned()]).is_ok());
+    for (name, nothing) in [("release", "after=0"), ("poke", "lasts=0")] {
+        assert!(named(name, &[nothing.to_owned()]).unwrap().steps.is_empty(), "{name}");
+    }
     assert!(!is_name("Push.TOML") && is_name("push"));
     let (scenario, set) = ("examples/push.toml".to_owned(), vec!["force=2".to_owned()]);
     let of_file = script_of(&Options { scenario, set, ..Options::default() }).unwrap_err().to_string();

@@ -453,18 +453,20 @@ fn nothing_acts_on_a_part_that_is_not_simulated() {
     let mut bar = Bar::new();
     let lid = Material { name: "cork".to_owned(), caption: "lid".to_owned(), ..bar.materials[0].clone() };
     bar.materials.push(lid);
+    // Not meant by the name of the lid, although it has the same word.
+    bar.materials[1].caption = "lid knob".to_owned();
     let short = || Options { duration: Some(0.01), frames: 2, ..true_stiffness() };
     let anchored = Options { anchor: vec!["lid".to_owned()], ..short() };
     match simulate(&bar.input(), &anchored, None, &mut |_, _| Ok(()), Progress::Hidden) {
         Err(SimulateError::Part { part, names }) => {
-            assert_eq!((part.as_str(), names.as_str()), ("lid", "handle`, `head`, `lead`, `oak"));
+            assert_eq!((part.as_str(), names.as_str()), ("lid", "handle`, `lead`, `lid knob`, `oak"));
         }
         other => panic!("{other:?}"),
     }
     let stiffened = Options { rigid: vec!["lid".to_owned()], ..short() };
     match simulate(&bar.input(), &stiffened, None, &mut |_, _| Ok(()), Progress::Hidden) {
         Err(SimulateError::Rigid { part, names }) => {
-            assert_eq!((part.as_str(), names.as_str()), ("lid", "handle`, `head`, `lead`, `oak"));
+            assert_eq!((part.as_str(), names.as_str()), ("lid", "handle`, `lead`, `lid knob`, `oak"));
         }
         other => panic!("{other:?}"),
     }
@@ -490,6 +492,15 @@ fn time_that_stands_still_or_crawls_stops_the_run() {
             other => panic!("{other:?}"),
         }
     }
+}
+
+/// Every frame takes a step, even if the object hardly moves: far more steps than fit into the time, but as expected.
+#[test]
+fn a_step_for_each_frame_stops_no_run() {
+    let bar = Bar::new();
+    let brief = Options { drop_height: 0.0, duration: Some(1e-6), frames: 50, ..options() };
+    let report = run(&bar.input(), &Options { max_simulation_minutes: 1e-7, ..brief }).1;
+    assert_eq!(report.substeps, 49);
 }
 
 #[test]

@@ -32,7 +32,7 @@ pub struct Side {
     pub length: f64,
     /// How far off the length may be: by as much as it shrinks if `STRAY_SHARE` of the bodies count as strays, not
     /// `STRAY_BODIES`. Of the twelve sides of the four fixtures, the true lengths of nine are within it, and those of the
-    /// others within it and another half percent.
+    /// others within it and another half percent. 0 for so few bodies that neither share amounts to one.
     pub error: f64,
 }
 

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::super::error::SimulateError;
 use super::super::filling::Body;
 use super::super::material::Material;
-use super::super::script::{Step, What, all_names, names_of_parts, parts_named};
+use super::super::script::{Step, What, names_of_parts, parts_named};
 use crate::materials::Law;
 
 /// Strain below which a change of shape cannot be seen: in a film of 720 lines that the object fills, less than a pixel.
@@ -110,8 +110,8 @@ pub enum Reason {
 /// says (`asked`). `auto` chooses those that strain by at most `visible`, and the layers on them.
 ///
 /// # Errors
-/// [`SimulateError::Rigid`] if `asked` names a part that does not exist or has no bodies; [`SimulateError::RigidAlone`] if it holds a word
-/// that is no part, and other values.
+/// [`SimulateError::Rigid`] if `asked` names a part that does not exist or has no bodies; [`SimulateError::RigidAlone`] if
+/// it holds a word that is no part, and other values.
 pub fn choose(
     asked: &[String],
     load: &Load,
@@ -137,7 +137,8 @@ pub fn choose(
             reasons
         }
         parts => {
-            let named = named(parts, &names_of_parts(materials, bodies))?;
+            let simulated: BTreeSet<u32> = bodies.iter().map(|body| body.label).collect();
+            let named = named(parts, &names_of_parts(materials), &simulated)?;
             named.into_iter().map(|named| named.then_some(Reason::Asked)).collect()
         }
     };
@@ -150,15 +151,15 @@ pub fn choose(
     Ok(Choice { body_of, reasons })
 }
 
-/// Per label, which has these `names`: whether one of the `parts` of `--rigid` refers to it.
-fn named(parts: &[String], names: &[Vec<&str>]) -> Result<Vec<bool>, SimulateError> {
+/// Per label, which has these `names`: whether it is `simulated` and one of the `parts` of `--rigid` refers to it.
+fn named(parts: &[String], names: &[Vec<&str>], simulated: &BTreeSet<u32>) -> Result<Vec<bool>, SimulateError> {
     let mut rigid = vec![false; names.len()];
     for part in parts {
-        let unknown = || match part.as_str() {
+        let unknown = |names| match part.as_str() {
             AUTO | NEVER => SimulateError::RigidAlone { word: part.clone() },
-            _ => SimulateError::Rigid { part: part.clone(), names: all_names(names) },
+            _ => SimulateError::Rigid { part: part.clone(), names },
         };
-        let found = parts_named(names, part).ok_or_else(unknown)?;
+        let found = parts_named(names, simulated, part).map_err(unknown)?;
         for (rigid, found) in rigid.iter_mut().zip(found) {
             *rigid |= found;
         }
