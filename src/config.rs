@@ -9,10 +9,12 @@
 //! its options the [keys that a scene may set](SceneKey), and any other key is refused. Paths are relative to the file
 //! that names them; those of a scene must stay inside its folder.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Component, Path, PathBuf};
 
+use serde::{Serialize, Serializer};
 use thiserror::Error;
 use toml::de::{DeTable, DeValue};
 
@@ -36,10 +38,10 @@ pub enum ConfigError {
     )]
     UnknownKey { path: PathBuf, line: usize, key: String, hint: String },
     #[error(
-        "{path:?} line {line}: a scene may not set `{key}`, because a scene folder is data and may come from anyone; \
-         if you want it, give --{flag} on the command line or write it into {USER_FILE} instead"
+        "{path:?} line {line}: a scene may not set `{key}`{allowed}, because a scene folder is data and may come from \
+         anyone; if you want it, give --{flag} on the command line or write it into {USER_FILE} instead"
     )]
-    NotForScenes { path: PathBuf, line: usize, key: String, flag: String },
+    NotForScenes { path: PathBuf, line: usize, key: String, allowed: String, flag: String },
     #[error(
         "{path:?} line {line}: `{key}` leads out of the scene folder, to {leads_to:?}; a scene may only name files of its own, \
          relative to its folder; to use this one, give --{flag} on the command line instead"
@@ -68,8 +70,8 @@ pub enum ConfigError {
 pub enum SceneValue {
     /// Anything that the option takes.
     Any,
-    /// Those for which the function is true.
-    AnyOf(fn(&str) -> bool),
+    /// Those for which the function is true; `allowed` describes them, for the message about any other.
+    AnyOf { is_allowed: fn(&str) -> bool, allowed: &'static str },
     /// A path inside the scene folder.
     Path,
     /// A name for which the function is true, or else a path inside the scene folder.
@@ -90,9 +92,9 @@ impl SceneKey {
         Self { name, value: SceneValue::Any }
     }
 
-    /// A key with any value for which `is_allowed` is true.
-    pub const fn with(name: &'static str, is_allowed: fn(&str) -> bool) -> Self {
-        Self { name, value: SceneValue::AnyOf(is_allowed) }
+    /// A key with any value for which `is_allowed` is true; `allowed` describes these values in a few words.
+    pub const fn with(name: &'static str, is_allowed: fn(&str) -> bool, allowed: &'static str) -> Self {
+        Self { name, value: SceneValue::AnyOf { is_allowed, allowed } }
     }
 
     /// A key with a path inside the scene folder as its value.
@@ -126,8 +128,10 @@ pub struct Flag {
 /// Why a scene may not give a value to a flag.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Refusal {
-    /// Only the user may set this flag, or set it to this value.
+    /// Only the user may set this flag.
     NotForScenes,
+    /// Only the user may set it to this value; a scene may set it to those that are described here.
+    OtherValuesOnly(&'static str),
     /// It leads out of the scene's folder, to this path.
     LeadsTo(PathBuf),
 }
@@ -147,13 +151,14 @@ impl Flag {
     /// # Errors
     /// If a scene may not set it, or not to this value.
     pub fn set_to(&self, value: &str, folder: &Path, owner: Owner) -> Result<OsString, Refusal> {
-        let is_allowed = match self.scene {
-            None => false,
-            Some(SceneValue::AnyOf(is_allowed)) => is_allowed(value),
-            Some(_) => true,
-        };
-        if owner == Owner::Scene && !is_allowed {
-            return Err(Refusal::NotForScenes);
+        if owner == Owner::Scene {
+            match self.scene {
+                None => return Err(Refusal::NotForScenes),
+                Some(SceneValue::AnyOf { is_allowed, allowed }) if !is_allowed(value) => {
+                    return Err(Refusal::OtherValuesOnly(allowed));
+                }
+                Some(_) => {}
+            }
         }
         let mut text = OsString::from(format!("--{}=", self.name));
         if !self.is_path(value) {
@@ -278,7 +283,7 @@ impl Reader<'_> {
             };
             if self.owner == Owner::Scene && flag.scene.is_none() {
                 let (path, key) = (self.path.to_owned(), key.get_ref().to_string());
-                return Err(ConfigError::NotForScenes { path, line, key, flag: name });
+                return Err(ConfigError::NotForScenes { path, line, key, allowed: String::new(), flag: name });
             }
             // A table's keys come in the order of their names.
             if let Some(other) = found.lines.insert(name.clone(), line) {
@@ -313,7 +318,11 @@ impl Reader<'_> {
             let (path, flag) = (self.path.to_owned(), flag.name.clone());
             match refusal {
                 Refusal::NotForScenes => {
-                    ConfigError::NotForScenes { path, line, key: format!("{key} = {value}"), flag }
+                    ConfigError::NotForScenes { path, line, key: key.to_owned(), allowed: String::new(), flag }
+                }
+                Refusal::OtherValuesOnly(allowed) => {
+                    let (key, allowed) = (format!("{key} = {value}"), format!(" (allowed: {allowed})"));
+                    ConfigError::NotForScenes { path, line, key, allowed, flag }
                 }
                 Refusal::LeadsTo(leads_to) => {
                     ConfigError::OutsideScene { path, line, key: key.to_owned(), flag, leads_to }
@@ -370,6 +379,14 @@ pub fn name_of(flag: &OsStr) -> &str {
     std::str::from_utf8(name).unwrap_or_default().trim_start_matches('-')
 }
 
+/// The value in `--name=value`; `None` for a switch.
+pub fn value_of(flag: &OsStr) -> Option<&OsStr> {
+    let bytes = flag.as_encoded_bytes();
+    let equals = bytes.iter().position(|byte| *byte == b'=')?;
+    // SAFETY: the bytes of an `OsStr` may be divided after any ASCII character.
+    Some(unsafe { OsStr::from_encoded_bytes_unchecked(&bytes[equals + 1..]) })
+}
+
 /// A path that means the same whatever the current folder is: relative to `folder` if it is inside it, else absolute.
 pub fn portable(path: &Path, folder: &Path) -> PathBuf {
     let absolute = |path: &Path| std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
@@ -379,6 +396,19 @@ pub fn portable(path: &Path, folder: &Path) -> PathBuf {
         Ok(inside) => inside.to_owned(),
         Err(_) => absolute(path),
     }
+}
+
+/// A path as JSON, which has only Unicode, can show it. If that is not the path itself, it is only for people to read.
+pub(crate) fn in_json(path: &Path) -> Cow<'_, str> {
+    path.to_string_lossy()
+}
+
+/// Serializes a path, if there is one, [for JSON](in_json).
+pub(crate) fn serialize_path<'a, S: Serializer>(
+    path: impl Into<Option<&'a PathBuf>>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    path.into().map(|path| in_json(path)).serialize(serializer)
 }
 
 fn line_of(text: &str, byte: usize) -> usize {

@@ -54,10 +54,17 @@ pub fn read_to_string(path: &Path) -> io::Result<String> {
     Ok(text)
 }
 
-/// A table of comma-separated values in a regular file: spaces around values and lines that begin with `#` do not count.
-/// Errors as for [`open`].
-pub fn table(path: &Path) -> csv::Result<csv::Reader<File>> {
-    Ok(csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(open(path)?))
+/// Reads a table of comma-separated values: spaces around values and lines that begin with `#` do not count.
+pub fn table(text: &[u8]) -> csv::Reader<&[u8]> {
+    csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(text)
+}
+
+/// The line of the table `text` on which a record starts. Its position is where the reader began to look for it: before the
+/// line feed that ends the previous line on Windows, empty lines and comments.
+pub fn line_at(text: &[u8], position: &csv::Position) -> u64 {
+    let rest = usize::try_from(position.byte()).ok().and_then(|byte| text.get(byte..)).unwrap_or_default();
+    let is_skipped = |line: &&[u8]| line.starts_with(b"#") || line.iter().all(|byte| matches!(byte, b'\r' | b'\n'));
+    position.line() + rest.split_inclusive(|byte| *byte == b'\n').take_while(is_skipped).count() as u64
 }
 
 /// True if there is something at `path` other than a folder, even if [`open`] will refuse it: if a file that is looked

@@ -118,15 +118,18 @@ pub fn part_name(caption: &str, material: &str) -> String {
 }
 
 /// The text before its first comma, semicolon or colon, or before the full stop at the end of its first sentence: one that
-/// ends the text, or that white space and a capital letter follow, unlike that of "approx. 5 mm".
+/// ends the text, or that white space and a capital letter follow, unlike that of "approx. 5 mm". After a word of one or two
+/// letters it marks an abbreviation: "St. Andrew's cross".
 fn first_clause(text: &str) -> &str {
-    let ends_sentence = |after: &str| {
+    let ends_sentence = |before: &str, after: &str| {
         let next = after.trim_start();
-        next.is_empty() || (next.len() < after.len() && next.starts_with(char::is_uppercase))
+        let word = before.split_whitespace().next_back().unwrap_or_default();
+        let is_abbreviation = (1..=2).contains(&word.chars().filter(|c| c.is_alphabetic()).count());
+        next.is_empty() || (next.len() < after.len() && next.starts_with(char::is_uppercase) && !is_abbreviation)
     };
     let ends = |(at, c): &(usize, char)| match c {
         ',' | ';' | ':' => true,
-        '.' => ends_sentence(&text[at + 1..]),
+        '.' => ends_sentence(&text[..*at], &text[at + 1..]),
         _ => false,
     };
     text.char_indices().find(ends).map_or(text, |(at, _)| &text[..at])
@@ -202,6 +205,8 @@ mod tests {
             ("end of the handle. Made of oak", "handle end"),
             ("approx. 5 mm rod", "5 mm rod"),
             ("6.5 mm. rod", "6.5 mm. rod"),
+            ("St. Andrew's cross. It is white", "St. Andrew's cross"),
+            ("foot no. 2. It is black", "foot no. 2"),
         ];
         for (caption, name) in cases {
             assert_eq!(part_name(caption, "steel"), name, "{caption}");

@@ -150,7 +150,8 @@ pub struct MetricScale {
     /// Where the scale comes from, in words.
     #[serde(default)]
     pub provenance: String,
-    /// The 90 % interval of `meters_per_unit`; missing if it is taken to be exact.
+    /// The 90 % interval of `meters_per_unit`; that from a side of the object's box is estimated from the splat alone.
+    /// Missing if the scale is taken to be exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "Range"))]
     pub range: Option<Range>,

@@ -133,6 +133,30 @@ fn a_value_that_an_option_refuses_is_named_with_its_line() {
 }
 
 #[test]
+fn a_value_of_several_lines_is_named_on_one() {
+    let balls = Balls::new(1);
+    add(&balls.scene(0), r#"level = "midle\n\nx""#);
+    let output = gprop().arg("run").arg(balls.scene(0)).args(["--to", "scene"]).output().unwrap();
+    let words = ["line 6", r"invalid value 'midle\n\nx' for '--level", "possible values: small, middle, large"];
+    assert_refused(&output, &words);
+}
+
+#[test]
+fn a_refused_value_is_named_with_those_that_a_scene_may_set() {
+    for (line, allowed) in [("frames = 61", "up to 60"), ("scale = \"estimate\"", "any other scale")] {
+        let balls = Balls::new(1);
+        fs::write(balls.scene(0).join("gprop.toml"), line).unwrap();
+        let output = gprop().arg("run").arg(balls.scene(0)).args(["--to", "scene"]).output().unwrap();
+        let value = line.replace('"', "");
+        assert_refused(&output, &["line 1", &format!("a scene may not set `{value}` (allowed: {allowed}), because")]);
+    }
+    let balls = Balls::new(1);
+    add(&balls.scene(0), "frames = 60");
+    let output = gprop().arg("run").arg(balls.scene(0)).args(["--to", "scene"]).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+}
+
+#[test]
 fn a_scenes_paths_begin_at_its_folder() {
     let balls = Balls::new(1);
     let scene = balls.scene(0);
@@ -303,6 +327,7 @@ fn mistakes_in_the_users_file_are_named() {
         ("views = ", ["line 1", "config.toml", ""]),
         ("[query]\nmax-usd = 1979-05-27", ["line 2", "`max-usd` takes", ""]),
         ("[scene]\nviews = \"many\"", ["line 2", "invalid value 'many' for '--views", ""]),
+        ("views = 2\nthreads = \"many\"", ["line 2", "invalid value 'many' for '--threads", ""]),
     ] {
         let (home, balls) = (Home::new(text), Balls::new(1));
         let output = home.gprop().arg("run").arg(balls.scene(0)).output().unwrap();

@@ -425,6 +425,21 @@ fn a_known_mass_says_how_long_the_object_is() {
 }
 
 #[test]
+fn a_simulation_is_not_done_again_under_another_limit_of_its_time() {
+    let balls = Balls::new(1);
+    let stages = |more: &[&str]| {
+        let mut command = gprop();
+        command.arg("simulate").arg(balls.scene(0)).args(balls.answers()).args(["--frames", "2", "--duration", "0.02"]);
+        let output = command.args(["--grid", "16", "--size", "64x64"]).args(more).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        stage_lines(&output)
+    };
+    assert!(stages(&["--max-simulation-minutes", "500"]).last().is_some_and(|line| line.contains("simulate")));
+    assert_eq!(stages(&[]), Vec::<String>::new());
+    assert_eq!(stages(&["--gravity", "5"]).len(), 1, "what changes the result does count");
+}
+
+#[test]
 fn a_simulation_says_how_long_it_may_take() {
     let balls = Balls::new(1);
     let mut command = gprop();

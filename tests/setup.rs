@@ -1,7 +1,9 @@
 //! No test here needs a network: clients are mock programs on a PATH made for the test. The real fetch runs in
 //! `support::models` on first use.
 
+use std::ffi::OsStr;
 use std::fs;
+use std::os::unix::ffi::OsStrExt;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -203,6 +205,15 @@ fn build_library(folder: &Path, name: &str, code: &str) -> PathBuf {
         .status();
     assert!(status.unwrap().success());
     library
+}
+
+#[test]
+fn doctor_shows_a_path_that_is_not_unicode() {
+    let mut machine = Machine::new();
+    machine.environment.cache = Some(OsStr::from_bytes(b"/nowhere/caf\xe9").into());
+    let shown = serde_json::to_value(doctor_in(&Options::default(), &machine.environment)).unwrap();
+    assert_eq!(shown["cache"], "/nowhere/caf\u{fffd}");
+    assert!(shown["ffmpeg"].is_null(), "{shown}");
 }
 
 #[test]

@@ -17,10 +17,10 @@ pub enum BatchError {
     #[error("none of the {} is left after --split, --filter, --start and --end", counted(*.listed, "scene"))]
     NothingSelected { listed: usize },
     #[error(
-        "the scene `batch` would have its work folder at {folder:?}, where the batch keeps its own files; rename the \
-         scene's folder, or leave out --out"
+        "with --out, no scene may be called `{scene}`, because the batch keeps its own files in {folder:?} and many file \
+         systems do not distinguish upper and lower case; rename the scene's folder, or leave out --out"
     )]
-    Reserved { folder: PathBuf },
+    Reserved { scene: String, folder: PathBuf },
     #[error("{given}: {problem}")]
     Shard { given: String, problem: String },
     #[error("cannot determine how much memory is free; set the limit for the batch with --memory GB")]

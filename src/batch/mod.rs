@@ -305,7 +305,7 @@ impl Batch {
         let of_user = config::user_file().and_then(|path| config::flags_of_user(&path, &self.known).ok());
         let flags = of_user.iter().flat_map(|file| &file.flags).chain(&self.flags);
         let flags = flags.filter(|flag| CONTENT_COUNTS.contains(&config::name_of(flag)));
-        flags.filter_map(|flag| Some(PathBuf::from(flag.to_str()?.split_once('=')?.1))).collect()
+        flags.filter_map(|flag| config::value_of(flag).map(PathBuf::from)).collect()
     }
 }
 

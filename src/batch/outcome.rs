@@ -6,6 +6,7 @@ use std::process::ExitStatus;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use crate::config::serialize_path;
 use crate::parts::{Part, Parts};
 use crate::pipeline::{RunRecord, Stage, StageRecord};
 use crate::units::Estimate;
@@ -28,6 +29,7 @@ pub struct Outcome {
     pub scene: String,
     pub state: State,
     /// The scene's work folder.
+    #[serde(serialize_with = "serialize_path")]
     pub work: PathBuf,
     /// The exit code of its gprop process; `None` if that was killed.
     #[serde(default, skip_serializing_if = "Option::is_none")]

@@ -70,11 +70,12 @@ pub fn select(
     if chosen.is_empty() && skipped.is_empty() {
         return Err(BatchError::NothingSelected { listed });
     }
-    // Its work folder would be the batch's own, whose unfinished files each run of the scene would remove.
+    // Its work folder would be the batch's own, whose unfinished files each run of the scene would remove. A name in
+    // capitals is refused on every system, because the results may be moved to one that ignores case.
     if let Some(out) = out
-        && chosen.iter().any(|scene| scene.name == FOLDER)
+        && let Some(scene) = chosen.iter().find(|scene| scene.name.eq_ignore_ascii_case(FOLDER))
     {
-        return Err(BatchError::Reserved { folder: out.join(FOLDER) });
+        return Err(BatchError::Reserved { scene: scene.name.clone(), folder: out.join(FOLDER) });
     }
     let selected = |entry: &Entry| {
         let work = out.map_or_else(|| entry.folder.join(workdir::DEFAULT_NAME), |out| out.join(&entry.name));

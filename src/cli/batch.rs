@@ -147,7 +147,7 @@ fn check_from(args: &BatchArgs) -> Result<(), UsageError> {
             format!("--queries submit can redo only scene and segment; leave out --from {}", from.name())
         }
         (Some(QuestionStep::Collect), Some(from)) => {
-            format!("--queries collect does no stage; leave out --from {}", from.name())
+            format!("--queries collect runs no stage; leave out --from {}", from.name())
         }
         (Some(_), _) => return Ok(()),
     };

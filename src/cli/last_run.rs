@@ -89,7 +89,7 @@ pub fn flags(
     match Options::of_flags(&flags) {
         Ok(_) => Ok(flags),
         Err(error) => {
-            let problem = shown(&pipeline::problem_of(&error)).into_owned();
+            let problem = shown(&pipeline::problem_of(error)).into_owned();
             Err(ConfigError::LastRun { path, problem })
         }
     }

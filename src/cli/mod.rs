@@ -15,13 +15,11 @@ mod simulate;
 mod tools;
 mod view;
 
-use std::borrow::Cow;
 use std::ffi::{OsStr, OsString};
 use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::error::ContextValue;
 use clap::parser::ValueSource;
 use clap::{Args, CommandFactory, FromArgMatches, ValueEnum};
 use serde::Serialize;
@@ -161,7 +159,7 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
     }
     // A value that a file sets and its option refuses is reported with its place.
     let matches = command().try_get_matches_from(all).map_err(|error| {
-        let problem_with = |flag: &OsString| pipeline::problem_with(flag, &error);
+        let problem_with = |flag: &OsString| pipeline::problem_with(flag, with_flags_of_files(), &error);
         let invalid = files.iter().find_map(|file| file.invalid_value(&problem_with));
         invalid.map_or_else(|| error.into(), anyhow::Error::from)
     })?;
@@ -169,6 +167,11 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
     stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     cli.global.flags = stages;
     Ok(cli)
+}
+
+/// A command with every flag that a configuration file may set.
+fn with_flags_of_files() -> clap::Command {
+    Global::augment_args(pipeline::Options::augment_args(clap::Command::new("flags")))
 }
 
 /// Removes parameters of a scenario (`--set`) that something later in the order of precedence replaces: another scenario,
@@ -222,17 +225,11 @@ fn innermost<'a>(
 }
 
 /// Ends the process as clap would: with help or version on stdout, or with a usage error.
-fn refuse(mut error: clap::Error) -> ! {
+fn refuse(error: clap::Error) -> ! {
     if !error.use_stderr() {
         error.exit();
     }
-    // The given values may come from a scene's `gprop.toml`.
-    let given: Vec<_> = error.context().map(|(kind, value)| (kind, value.clone())).collect();
-    for (kind, value) in given {
-        if let ContextValue::String(text) = value {
-            error.insert(kind, ContextValue::String(output::one_line(&text).into_owned()));
-        }
-    }
+    let error = pipeline::with_values_on_one_line(error);
     output::tell(error.render().to_string().trim_end());
     std::process::exit(error.exit_code());
 }
@@ -270,7 +267,7 @@ fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Opti
     let typed = [OsStr::new("gprop"), OsStr::new("parts"), scene.as_os_str()].map(OsStr::to_owned);
     let wrong = |error: anyhow::Error| -> anyhow::Error {
         match error.downcast::<clap::Error>() {
-            Ok(invalid) => UsageError(format!("{scene:?}: {}", pipeline::problem_of(&invalid))).into(),
+            Ok(invalid) => UsageError(format!("{scene:?}: {}", pipeline::problem_of(invalid))).into(),
             Err(error) => error,
         }
     };
@@ -307,12 +304,7 @@ fn print_text(text: &str) -> anyhow::Result<()> {
 
 /// Prints the path of a file or folder that was written.
 fn print_path(global: &Global, path: &Path) -> anyhow::Result<()> {
-    print(global, &in_json(path), || shown(path))
-}
-
-/// A path as JSON has it, which knows only Unicode.
-fn in_json(path: &Path) -> Cow<'_, str> {
-    path.to_string_lossy()
+    print(global, &config::in_json(path), || shown(path))
 }
 
 /// A path on one line.
@@ -511,7 +503,7 @@ mod tests {
             let Some(value_names) = argument.and_then(clap::Arg::get_value_names) else { continue };
             let says_path =
                 value_names.iter().any(|name| ["FILE", "DIR", "PATH"].iter().any(|word| name.contains(word)));
-            let unchecked = matches!(flag.scene, Some(config::SceneValue::Any | config::SceneValue::AnyOf(_)));
+            let unchecked = matches!(flag.scene, Some(config::SceneValue::Any | config::SceneValue::AnyOf { .. }));
             assert!(!(unchecked && (says_path || flag.is_path)), "--{} takes a path", flag.name);
         }
     }

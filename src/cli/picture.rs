@@ -1,11 +1,12 @@
 //! `gprop segment PICTURE`: the segments of one picture without a scene.
 
+use crate::config::in_json;
 use crate::error::UsageError;
 use crate::output::counted;
 use crate::pipeline::picture::Picture;
 use crate::workdir::Artifact;
 
-use super::{Global, SceneArgs, WorkArgs, in_json, print, shown};
+use super::{Global, SceneArgs, WorkArgs, print, shown};
 
 /// Segments the picture that `args` name and writes the same files as for a view of a scene, into `--out` or a folder
 /// beside it.

@@ -14,7 +14,7 @@ use crate::query::Preview;
 use crate::report;
 use crate::workdir::{self, Artifact};
 
-use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, in_json, print, print_path, print_text, shown};
+use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_path, print_text, shown};
 
 /// A stage in the output of a dry run.
 #[derive(Serialize)]
@@ -121,7 +121,7 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let mut pipeline = open_with(global, &args.scene, work, &args.options, (plan, true))?;
     pipeline.run()?;
     let files = pipeline.export(&args.format, &args.out)?;
-    let paths: Vec<_> = files.iter().map(|file| in_json(file)).collect();
+    let paths: Vec<_> = files.iter().map(|file| config::in_json(file)).collect();
     print(global, &paths, || files.iter().map(|file| shown(file) + "\n").collect())
 }
 

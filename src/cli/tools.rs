@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use crate::config::in_json;
 use crate::error::UsageError;
 use crate::grasp::CalibrationReport;
 use crate::grasp::gripper::GripperProfile;
@@ -10,7 +11,7 @@ use crate::scene;
 use crate::setup::{self, SetupError};
 use crate::workdir::write_atomic;
 
-use super::{Global, Grasp, Materials, Scale, in_json, print, shown};
+use super::{Global, Grasp, Materials, Scale, print, shown};
 
 /// `gprop setup`.
 pub fn set_up(global: &Global, options: &setup::Options) -> anyhow::Result<()> {

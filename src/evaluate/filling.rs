@@ -29,7 +29,7 @@ pub struct FillComparison {
 
 impl std::fmt::Display for FillComparison {
     fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-        writeln!(f, "particles added: {}, by PhysGaussian {}", self.added, self.reference_added)?;
+        writeln!(f, "particles added: {} (by PhysGaussian: {})", self.added, self.reference_added)?;
         let (counts, dense, inside) = (self.counts_differ, self.dense_differ, self.inside_differ);
         writeln!(
             f,

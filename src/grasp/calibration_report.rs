@@ -103,8 +103,8 @@ impl CalibrationReport {
 
 fn read(path: &Path) -> Result<Vec<CalibrationPoint>, GraspError> {
     let error = |error: csv::Error| GraspError::ReadPoints { path: path.to_owned(), message: error.to_string() };
-    let mut reader = files::table(path).map_err(error)?;
-    reader.deserialize().collect::<Result<_, _>>().map_err(error)
+    let text = files::read(path).map_err(|source| error(source.into()))?;
+    files::table(&text).deserialize().collect::<Result<_, _>>().map_err(error)
 }
 
 fn by_command(points: &[CalibrationPoint], fit: &Fit) -> Vec<MeasuredCommand> {

@@ -29,5 +29,5 @@ pub fn confidence() -> Vec<Entry> {
         text: format!("{value} {text}"),
         key: Key::Square(palette::bytes(palette::scale(value))),
     };
-    vec![entry(0.0, "no view sees it"), entry(0.5, "half of the votes"), entry(1.0, "all votes agree")]
+    vec![entry(0.0, "no votes"), entry(0.5, "half of the votes"), entry(1.0, "all votes agree")]
 }

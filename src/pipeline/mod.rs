@@ -58,7 +58,7 @@ pub use vote::stored_field;
 pub use batch_api::{Collected, Sent, check_submission};
 pub use builder::Builder;
 pub use options::{Options, THREADS, known_flags, scene_keys};
-pub(crate) use options::{problem_of, problem_with};
+pub(crate) use options::{problem_of, problem_with, with_values_on_one_line};
 pub use plan::{Plan, Stage};
 pub use preset::Preset;
 pub use record::{FieldFlags, Hasher, flags_of_last_run};

@@ -5,12 +5,13 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
-use clap::error::ContextKind;
+use clap::error::{ContextKind, ContextValue};
 use clap::{ArgAction, Args, FromArgMatches};
 use serde::Serialize;
 
 use crate::config::{self, SceneKey};
 use crate::error::{Error, UsageError};
+use crate::output;
 
 use super::preset::Preset;
 
@@ -53,9 +54,12 @@ impl Options {
         let scene = scene.as_ref();
         let read = || -> Result<Self> {
             let file = config::flags_of_scene(scene, &known_flags())?;
-            let wrong = |error: clap::Error| match file.invalid_value(&|flag| problem_with(flag, &error)) {
-                Some(invalid) => anyhow::Error::from(invalid),
-                None => UsageError(format!("{:?}: {}", scene.join(config::FILE_NAME), problem_of(&error))).into(),
+            let wrong = |error: clap::Error| -> anyhow::Error {
+                let invalid = file.invalid_value(&|flag| problem_with(flag, Self::augment_args(stages()), &error));
+                match invalid {
+                    Some(invalid) => invalid.into(),
+                    None => UsageError(format!("{:?}: {}", scene.join(config::FILE_NAME), problem_of(error))).into(),
+                }
             };
             Self::of_flags(&file.flags).map_err(wrong)
         };
@@ -73,20 +77,31 @@ impl Options {
 }
 
 /// What clap says is wrong, on one line and without the usage.
-pub(crate) fn problem_of(error: &clap::Error) -> String {
-    let text = error.to_string();
+pub(crate) fn problem_of(error: clap::Error) -> String {
+    let text = with_values_on_one_line(error).to_string();
     // The values that are possible, if they are few, are on the second line.
     let lines: Vec<&str> = text.lines().map(str::trim).take_while(|line| !line.is_empty()).collect();
     lines.join(" ").trim_start_matches("error: ").to_owned()
 }
 
-/// What is wrong with the value of a flag, if it is the cause of `error`.
-pub(crate) fn problem_with(flag: &OsString, error: &clap::Error) -> Option<String> {
+/// The error with each given value on one line: it may come from a scene's `gprop.toml`.
+pub(crate) fn with_values_on_one_line(mut error: clap::Error) -> clap::Error {
+    let given: Vec<_> = error.context().map(|(kind, value)| (kind, value.clone())).collect();
+    for (kind, value) in given {
+        if let ContextValue::String(text) = value {
+            error.insert(kind, ContextValue::String(output::one_line(&text).into_owned()));
+        }
+    }
+    error
+}
+
+/// What is wrong with the value of a flag, if it is the cause of `error`; `command` has the flag.
+pub(crate) fn problem_with(flag: &OsString, command: clap::Command, error: &clap::Error) -> Option<String> {
     error.get(ContextKind::InvalidValue)?;
-    let alone = Options::of_flags(std::slice::from_ref(flag)).err()?;
+    let alone = command.no_binary_name(true).try_get_matches_from([flag]).err()?;
     let same =
         [ContextKind::InvalidArg, ContextKind::InvalidValue].iter().all(|kind| alone.get(*kind) == error.get(*kind));
-    same.then(|| problem_of(&alone))
+    same.then(|| problem_of(alone))
 }
 
 impl Preset {

@@ -32,7 +32,9 @@ pub(super) fn scale_after_weighing(known: Option<MetricScale>, parts: Option<&Pa
     let found = parts.and_then(|parts| parts.meters_per_unit).filter(|_| known.range.is_some());
     Some(match found {
         Some(Estimate { low, mid, high }) => {
-            MetricScale { meters_per_unit: mid, range: Some(Range::new(low, high)), ..known }
+            let by_mass = if mid == known.meters_per_unit { "" } else { ", corrected by the known mass" };
+            let provenance = known.provenance + by_mass;
+            MetricScale { meters_per_unit: mid, range: Some(Range::new(low, high)), provenance, ..known }
         }
         None => known,
     })
@@ -115,5 +117,36 @@ impl Pipeline {
             return Ok(None);
         }
         Ok(Some(self.work.read_json(Artifact::Parts)?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::units::ScaleSource;
+
+    #[test]
+    fn a_scale_that_the_mass_corrects_says_so() {
+        let known = MetricScale {
+            meters_per_unit: 0.12,
+            source: ScaleSource::BoundingBox,
+            provenance: "z side of the object's box: 0.12 m for 1.000000 scene units, within 2.00 %".to_owned(),
+            range: Some(Range::new(0.1176, 0.1224)),
+        };
+        let (one, center, inertia) = (Estimate::exactly(1.0), [0.0; 3], [[0.0; 3]; 3]);
+        let with = |meters_per_unit: Estimate| -> Parts {
+            let object = json!({
+                "volume_m3": one, "mass_kg": one, "center_of_mass_m": center, "inertia_kg_m2": inertia,
+            });
+            let parts = json!({ "object": object, "parts": [], "meters_per_unit": meters_per_unit, "warnings": [] });
+            serde_json::from_value(parts).unwrap()
+        };
+        let after = |scale| scale_after_weighing(Some(known.clone()), Some(&with(scale))).unwrap();
+        let corrected = after(Estimate::new(0.117, 0.118, 0.119));
+        let provenance = format!("{}, corrected by the known mass", known.provenance);
+        assert_eq!((corrected.meters_per_unit, corrected.provenance), (0.118, provenance));
+        assert_eq!(after(Estimate::new(0.1176, 0.12, 0.1224)), known, "a mass that is impossible corrects nothing");
     }
 }

@@ -27,16 +27,19 @@ pub(super) const NOT_KEPT: &str = "a frame could not be kept";
 
 impl Pipeline {
     pub(super) fn simulate_key(&self) -> String {
-        let options = &self.options.simulate;
+        // The limit decides whether a run ends, not what it results in: a stopped run goes on under a higher limit, and a
+        // finished one is not done again under a lower one.
+        let max_simulation_minutes = Options::default().max_simulation_minutes;
+        let options = Options { max_simulation_minutes, ..self.options.simulate.clone() };
         let hasher = self.key_after_inputs(Stage::Simulate);
         if script::is_name(&options.scenario) {
-            return hasher.with_json(options).hex();
+            return hasher.with_json(&options).hex();
         }
         // The file's content counts, and its name, which the report shows, but not how its path is written.
         let file = Path::new(&options.scenario);
         let scenario = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let content = file_digest(file).unwrap_or_default();
-        hasher.with_json(&Options { scenario, ..options.clone() }).with(&content).hex()
+        hasher.with_json(&Options { scenario, ..options }).with(&content).hex()
     }
 
     pub(super) fn do_simulate(&self, key: &str) -> Result<Done> {

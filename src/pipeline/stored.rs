@@ -171,9 +171,9 @@ pub(super) fn with_portable_paths(options: &Options, folder: &Path) -> Options {
     options
 }
 
-/// The path as JSON, which has only Unicode, can show it. If that is not the path itself, it is only for people to read.
+/// The path [as JSON can show it](config::in_json).
 fn unicode(path: &Path) -> PathBuf {
-    path.to_string_lossy().into_owned().into()
+    config::in_json(path).into_owned().into()
 }
 
 /// The files and folders of the user that the options name, as far as they determine what was read.
@@ -216,7 +216,8 @@ impl Pipeline {
         let mut pipeline = Self::within(folder, work, scene, (library, gripper), options, plan, progress)?;
         let key = pipeline.scene_key()?;
         if pipeline.record.of(Stage::Scene).is_none_or(|done| done.key != key) {
-            let (path, problem) = (pipeline.work.root().to_owned(), "the scene's files have changed since".to_owned());
+            let (path, problem) =
+                (pipeline.work.root().to_owned(), "the scene's files have changed since that run".to_owned());
             return Err(WorkDirError::Unfinished { path, problem, command }.into());
         }
         pipeline.recall_scale()?;

@@ -271,7 +271,7 @@ fn settle(
     let hardness = hardness(written.shore_scale, written.shore_hardness, material.hardness, &mut flags);
     let confidence = written.confidence.clamp(0.0, 1.0);
     if confidence != written.confidence {
-        flags.push(format!("confidence {} is not within 0 to 1", written.confidence));
+        flags.push(format!("confidence {} is not within 0 to 1; it was clamped", written.confidence));
     }
     Ok(Answer {
         caption: written.caption.trim().into(),

@@ -109,7 +109,7 @@ pub enum SceneError {
     )]
     ImageChanged { path: PathBuf, expected: (u32, u32), found: (u32, u32) },
     #[error(
-        "mask `{}` is {} x {} pixels, another shape than its photo, which is {} x {} after any rotation by its EXIF \
+        "mask `{}` is {} x {} pixels, not the shape of its photo, which is {} x {} after any rotation by its EXIF \
          orientation; make the mask from the photo again, in that orientation and without cropping",
         path.display(), found.0, found.1, photo.0, photo.1
     )]

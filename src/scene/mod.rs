@@ -62,6 +62,10 @@ pub use scale::{ScaleChoice, SizedMarker};
 pub use splat_formats::{SPLAT_FORMATS, SplatFormat};
 pub(crate) use view_names::index_of;
 
+/// The largest error of a length that gives the scale, as a share of it: the scale's interval then ends at ten times the scale,
+/// and beyond any bound for larger errors. A side of the object with a larger error is refused; that of a marker is cut off.
+const MOST_ERROR: f64 = 0.9;
+
 /// The contents of a scene folder.
 #[derive(Debug, Clone)]
 pub struct Scene {

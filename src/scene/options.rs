@@ -28,7 +28,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("align"),
     SceneKey::any("object-box"),
     SceneKey::any("render-views"),
-    SceneKey::with("scale", ScaleChoice::may_be_of_scene),
+    SceneKey::with("scale", ScaleChoice::may_be_of_scene, "any other scale"),
 ];
 
 /// Far more than any capture has, and few enough to be counted in memory.

@@ -13,7 +13,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::as_typed::as_typed;
 use super::gaussians::Gaussians;
 use super::marker::{self, FoundMarker, Marker};
-use super::{Scene, SceneError, View, view_names};
+use super::{MOST_ERROR, Scene, SceneError, View, view_names};
 use crate::option_values::with_unit;
 use crate::units::{MetricScale, Range, ScaleSource};
 use gprop_kernels::bounds::{longest_side, sides};
@@ -35,7 +35,9 @@ pub enum ScaleChoice {
     /// Two points in scene units, and their distance in metres.
     KnownLength { from: [f64; 3], to: [f64; 3], meters: f64 },
     /// A side of the object's bounding box (0, 1, 2: along x, y, z) in metres. The scale has an interval, because it is uncertain
-    /// which Gaussians at the ends are strays; with fewer than 200 Gaussians, none counts as one.
+    /// which Gaussians at the ends are strays; with fewer than 200 Gaussians, none counts as one. The interval is estimated
+    /// from the cloud alone, and is taken for one of 90 %: of the twelve sides of the four fixtures, it holds the true scale
+    /// for nine, and misses that of the others by at most half a percent.
     BoundingBox { axis: usize, meters: f64 },
     /// Two views, and the distance between their cameras in metres.
     Cameras { a: String, b: String, meters: f64 },
@@ -112,7 +114,10 @@ impl ScaleChoice {
         let measured = |meters: &f64, units: f64, error: f64, source, provenance: String| {
             let least = units - error;
             if !(least > 0.0 && (meters / least).is_normal()) {
-                return Err(refused("the length measured in the scene is zero".to_owned()));
+                return Err(refused(
+                    "the length measured in the scene is zero or too short to give a scale; measure a longer one"
+                        .to_owned(),
+                ));
             }
             let mut provenance = format!("{provenance}: {meters} m for {units:.6} scene units");
             if error > 0.0 {
@@ -140,6 +145,13 @@ impl ScaleChoice {
             Self::BoundingBox { axis, meters } => {
                 let provenance = format!("{} side of the object's box", AXES[*axis]);
                 let side = sides(scene.object)[*axis];
+                if side.error > MOST_ERROR * side.length {
+                    return Err(refused(format!(
+                        "the {provenance} is too uncertain: without a few Gaussians at its ends, which may be strays, it would \
+                         be {:.0} % shorter; measure a longer side",
+                        100.0 * side.error / side.length
+                    )));
+                }
                 measured(meters, side.length, side.error, ScaleSource::BoundingBox, provenance)
             }
             Self::Cameras { a, b, meters } => {
@@ -330,5 +342,39 @@ impl Serialize for ScaleChoice {
 impl<'de> Deserialize<'de> for ScaleChoice {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         as_typed(deserializer)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_side_that_only_strays_make_long_gives_no_scale() {
+        const COUNT: usize = 1000;
+        // A rod along x. Along z, four Gaussians at either end are far away: more than count as strays for the length, and
+        // fewer than for its error.
+        let place = |i: usize| {
+            let z = match i {
+                0..4 => -10.0,
+                4..8 => 10.0,
+                _ => 0.0,
+            };
+            [i as f32 / COUNT as f32, 0.0, z]
+        };
+        let object = Gaussians {
+            positions: (0..COUNT).map(place).collect(),
+            log_scales: vec![[-5.0; 3]; COUNT],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; COUNT],
+            opacity_logits: vec![3.0; COUNT],
+            ..Gaussians::default()
+        };
+        let scene = Measured { object: &object, views: &[], data_set: None };
+        let scale = |text: &str| text.parse::<ScaleChoice>().unwrap().metric_scale(&scene);
+        let message = scale("bbox:z=0.1").unwrap_err().to_string();
+        for words in ["--scale bbox:z=0.1", "z side of the object's box is too uncertain", "measure a longer side"] {
+            assert!(message.contains(words), "no {words:?} in: {message}");
+        }
+        assert!(scale("bbox:x=0.1").unwrap().0.unwrap().range.is_some());
     }
 }

@@ -9,6 +9,7 @@ use super::environment::Environment;
 use super::error::SetupError;
 use super::locate::{self, LOOKUP_ORDER, Source};
 use super::{ModelFiles, Options};
+use crate::config::serialize_path;
 
 /// The state of everything that gprop needs besides itself. Printed by `gprop doctor`, also as JSON.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -18,8 +19,10 @@ pub struct Doctor {
     pub onnxruntime: RuntimeState,
     pub sam: SamState,
     /// ffmpeg on the search path, which encodes films as MP4; everything else works without it.
+    #[serde(serialize_with = "serialize_path")]
     pub ffmpeg: Option<PathBuf>,
     /// Folder of fetched files; `null` if the environment names no home.
+    #[serde(serialize_with = "serialize_path")]
     pub cache: Option<PathBuf>,
     /// The problems, each with its remedy.
     pub problems: Vec<String>,
@@ -28,6 +31,7 @@ pub struct Doctor {
 /// ONNX Runtime; `null` if it is missing or unusable.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct RuntimeState {
+    #[serde(serialize_with = "serialize_path")]
     pub path: Option<PathBuf>,
     pub version: Option<String>,
     pub source: Option<Source>,
@@ -36,7 +40,9 @@ pub struct RuntimeState {
 /// Paths of the two networks; `null` if one is missing or damaged.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct SamState {
+    #[serde(serialize_with = "serialize_path")]
     pub encoder: Option<PathBuf>,
+    #[serde(serialize_with = "serialize_path")]
     pub decoder: Option<PathBuf>,
 }
 

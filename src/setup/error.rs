@@ -55,7 +55,9 @@ pub enum SetupError {
         "{package} holds no readable {member} ({reason}): nothing was installed. Try again; if you use a mirror, check what it serves"
     )]
     Archive { member: &'static str, package: &'static str, reason: String },
-    #[error("cannot {action} {path:?}: {source}; make room or unlock it, or set XDG_CACHE_HOME to another folder")]
+    #[error(
+        "cannot {action} {path:?}: {source}; check its permissions and the free space, or set XDG_CACHE_HOME to another folder"
+    )]
     Io {
         action: &'static str,
         path: PathBuf,

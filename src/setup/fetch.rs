@@ -45,7 +45,7 @@ pub(super) fn fetch(package: &Package, cache: &Path, environment: &Environment) 
     let archive = find_archive(package.client, workplace.path()).map_err(io_error("read", workplace.path()))?;
     let archive = archive.ok_or_else(|| Attempt::ClientFailed {
         program: package.client.command(package.requirement).0,
-        words: format!("it succeeded but left no .{} file", package.client.archive_extension()),
+        words: format!("it ended without an error but left no .{} file", package.client.archive_extension()),
     })?;
     // Nothing is installed until every file has been checked.
     let mut checked = Vec::new();

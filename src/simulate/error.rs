@@ -54,7 +54,10 @@ pub enum SimulateError {
          speed, rate or force, or raise --max-simulation-minutes. Earlier frames are kept"
     )]
     TooFast { speed_m_s: f64, t_s: f64, frame: usize },
-    #[error("cannot resume from the checkpoint: {0}; delete it to start from the first frame")]
+    #[error(
+        "cannot resume from the checkpoint: {0}; delete simulation/checkpoint.bin in the work folder to start from the first \
+         frame"
+    )]
     Checkpoint(String),
     #[error("cannot use the PhysGaussian configuration: {0}")]
     Configuration(String),

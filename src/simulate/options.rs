@@ -20,7 +20,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("anchor"),
     SceneKey::any("fixed-step"),
     SceneKey::any("duration"),
-    SceneKey::with("frames", may_be_frames_of_scene),
+    SceneKey::with("frames", may_be_frames_of_scene, "up to 60"),
     SceneKey::any("grid"),
     SceneKey::any("gravity"),
     SceneKey::any("ground"),

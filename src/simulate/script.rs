@@ -261,7 +261,7 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
             .parse()
             .ok()
             .filter(|v: &f64| v.is_finite())
-            .ok_or_else(|| bad(format!("`{text}` is not a number")))?;
+            .ok_or_else(|| bad(format!("`{text}`: give a finite number after the `=`")))?;
     }
     let step = |on: &str, what| Step { on: on.to_owned(), from: 0.0, to: 1.0, what };
     let mut script = Script { drop_height: 0.0, tilt_deg: 0.0, steps: vec![] };

@@ -123,8 +123,15 @@ fn shared_light(ballots: &Ballots, view_of: &[usize]) -> Shared {
         let mut light = vec![0u64; own.len() * segments];
         let mut carried = Vec::new();
         for i in 0..ballots.gaussians() {
-            main_segments(ballots.of(i), view_of, &mut carried);
-            let Some(a) = carried.iter().find(|ballot| own.contains(&(ballot.segment as usize))) else { continue };
+            let ballots = ballots.of(i);
+            // Ballots are sorted by view, and so are segments.
+            let first = ballots.partition_point(|ballot| (ballot.segment as usize) < own.start);
+            if ballots.get(first).is_none_or(|ballot| ballot.segment as usize >= own.end) {
+                continue;
+            }
+            main_segments(ballots, view_of, &mut carried);
+            let of_own = |ballot: &&Ballot| own.contains(&(ballot.segment as usize));
+            let a = carried.iter().find(of_own).expect("one of the view's ballots is the main one");
             let row = &mut light[(a.segment as usize - own.start) * segments..][..segments];
             for b in &carried {
                 row[b.segment as usize] += (a.weight.min(b.weight) * LIGHT_STEPS) as u64;

@@ -273,8 +273,8 @@ fn cameras_inside(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
     };
     let text = |view: &ViewInput| {
         format!(
-            "the camera of view `{}` stands inside the object: `gprop inspect SCENE --html FILE` shows whether cameras and splat \
-             belong together",
+            "the camera of view `{}` stands inside the object's bounding box: `gprop inspect SCENE --html FILE` shows whether cameras \
+             and splat belong together",
             view.name
         )
     };

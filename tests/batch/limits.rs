@@ -66,6 +66,39 @@ fn a_pipe_in_place_of_a_splat_holds_up_nothing() {
     assert!(found.iter().any(|outcome| outcome["scene"] == "ball-1" && outcome["state"] == "done"), "{found:?}");
 }
 
+// Other systems refuse such names.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_data_set_whose_path_is_not_unicode_is_run_once() {
+    let balls = Balls::new(1);
+    let odd = balls.folder().with_file_name(OsStr::from_bytes(b"caf\xe9"));
+    fs::rename(balls.folder(), &odd).unwrap();
+    let run = || {
+        let mut command = crate::run::gprop();
+        outcomes(command.arg("batch").arg(&odd).args(["--to", "scene"]), 0)
+    };
+    let first = run();
+    assert!(first[0]["work"].as_str().unwrap().ends_with("caf\u{fffd}/ball-0/gprop"), "{first:?}");
+    assert!(run().is_empty(), "it is done");
+    let home = odd.join("gprop/batch");
+    assert_eq!(lines(&home.join("shard-0-of-1.jsonl")), first);
+    let summary: Value = serde_json::from_slice(&fs::read(home.join("summary.json")).unwrap()).unwrap();
+    assert_eq!(summary["outcomes"][0]["work"], first[0]["work"]);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_whose_path_is_not_unicode_counts_with_its_content() {
+    let (balls, home) = (Balls::new(1), tempfile::tempdir().unwrap());
+    let materials = home.path().join(OsStr::from_bytes(b"l\xe9.csv"));
+    let wood = fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/materials/wood.csv")).unwrap();
+    let run = || outcomes(batch(&balls, &["--to", "scene"]).arg("--materials").arg(&materials), 0).len();
+    fs::write(&materials, &wood).unwrap();
+    assert_eq!((run(), run()), (1, 0));
+    fs::write(&materials, wood + "\n").unwrap();
+    assert_eq!((run(), run()), (1, 0));
+}
+
 #[test]
 fn a_folder_whose_name_is_not_utf_8_is_listed_as_skipped() {
     let balls = Balls::new(2);

@@ -113,6 +113,11 @@ fn a_scene_does_not_share_its_work_folder_with_the_batch() {
     assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
     assert!(stderr(&refused).contains("rename the scene's folder"), "{}", stderr(&refused));
     assert_eq!(listed(&mut batch(&balls, &["--out", out.to_str().unwrap(), "--filter", "ball"])), ["ball-0"]);
+    // Many file systems take this for the same folder.
+    fs::rename(balls.folder().join("batch"), balls.folder().join("Batch")).unwrap();
+    let refused = batch(&balls, &with_out).output().unwrap();
+    assert_eq!(refused.status.code(), Some(2), "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("no scene may be called `Batch`"), "{}", stderr(&refused));
 }
 
 #[test]

@@ -171,4 +171,15 @@ fn readings_that_make_no_sense_are_refused_with_their_line() {
     refused(&with(",000,1,1,A,150"), &["line 2", "150"]);
     refused(&with(",none_such,1,1,A,50"), &["line 2", "none_such"]);
     refused(&with(",000,1,1,A,50"), &["nothing to compare"]);
+    // As an editor counts lines, whatever ends them.
+    let header = "scene,view,x,y,shore,hardness";
+    for (table, words) in [
+        (format!("{header}\r\na,000,1,1,A,50\r\na,000,1,1,A,150\r\n"), ["line 3: hardness", "150"]),
+        (format!("# mine\n{header}\n\n# high\na,000,1,1,A,150\n"), ["line 5: hardness", "150"]),
+        (format!("{header}\r\na,000,one,1,A,50\r\n"), ["line 2: field 2: invalid float literal", header]),
+        (format!("{header}\r\na,000\r\n"), ["line 2: the header has 6 columns, but this row has 2 cells", header]),
+    ] {
+        fs::write(&points, table).unwrap();
+        refused(&evaluate(&["hardness", text(&points)]), &words);
+    }
 }

@@ -120,7 +120,7 @@ fn wrong_names_are_refused_with_what_there_is() {
     let why = |result: Result<Script, SimulateError>| result.unwrap_err().to_string();
     assert!(why(named("dorp", &[])).contains("drop, push"));
     assert!(why(named("push", &["fierce=2".to_owned()])).contains("`fierce`"));
-    assert!(why(named("push", &["force=much".to_owned()])).contains("is not a number"));
+    assert!(why(named("push", &["force=much".to_owned()])).contains("give a finite number"));
     assert!(why(Script::from_toml("height = 1")).contains("height"));
     for height in ["-0.5", "1001"] {
         assert!(why(named("drop", &[format!("height={height}")])).contains(&format!("height is {height}")));

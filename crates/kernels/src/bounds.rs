@@ -30,9 +30,10 @@ impl Bounds {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Side {
     pub length: f64,
-    /// How far off the length may be: by as much as it shrinks if `STRAY_SHARE` of the bodies count as strays, not
-    /// `STRAY_BODIES`. Of the twelve sides of the four fixtures, the true lengths of nine are within it, and those of the
-    /// others within it and another half percent. 0 for so few bodies that neither share amounts to one.
+    /// How far off the length may be either way: by as much as it shrinks if `STRAY_SHARE` of the bodies count as strays,
+    /// not `STRAY_BODIES`. It is estimated from the cloud alone and is no calibrated interval: of the twelve sides of the
+    /// four fixtures, it covers the true lengths of nine, and misses the others by at most half a percent of the length. 0
+    /// for so few bodies that neither share amounts to one.
     pub error: f64,
 }
 

@@ -195,7 +195,9 @@ fn check_truth(path: &Path, scope: &ReadScope) -> Result<(), SceneError> {
 
 fn one_scene_only(scenes: usize, out: Option<&Path>) -> Result<(), UsageError> {
     match out {
-        Some(_) if scenes != 1 => Err(UsageError(format!("--out is the work folder of one scene, not of {scenes}"))),
+        Some(_) if scenes != 1 => Err(UsageError(format!(
+            "--out is the work folder of one scene, not of {scenes}; leave it out, or give one scene"
+        ))),
         _ => Ok(()),
     }
 }

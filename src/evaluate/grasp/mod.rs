@@ -66,8 +66,8 @@ pub struct Evaluation {
 /// If the file cannot be read, is not such a table, or is empty.
 pub fn outcomes(path: &Path) -> Result<Vec<Outcome>, OutcomesError> {
     let error = |e: csv::Error| OutcomesError::Table { path: path.to_owned(), message: e.to_string() };
-    let mut reader = files::table(path).map_err(error)?;
-    let rows: Vec<Outcome> = reader.deserialize().collect::<Result<_, _>>().map_err(error)?;
+    let text = files::read(path).map_err(|source| error(source.into()))?;
+    let rows: Vec<Outcome> = files::table(&text).deserialize().collect::<Result<_, _>>().map_err(error)?;
     if rows.is_empty() { Err(OutcomesError::Empty { path: path.to_owned() }) } else { Ok(rows) }
 }
 

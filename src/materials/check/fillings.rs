@@ -16,7 +16,9 @@ pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
             "its name holds a semicolon, which separates names in the prompt".to_owned()
         });
         let width = filling.density_kg_m3.high / filling.density_kg_m3.low;
-        findings.require(width <= WIDEST, &subject, "width", || format!("its density spans a factor of {width:.1}"));
+        findings.require(width <= WIDEST, &subject, "width", || {
+            format!("its density spans a factor of {width:.1}; at most {WIDEST} is allowed")
+        });
         sources(library, filling, &subject, findings);
     }
 }

@@ -31,7 +31,7 @@ fn bulk_modulus(material: &Material, findings: &mut Findings) {
     let nu = material.poisson_ratio.high;
     let bulk = geometric_mid(material.youngs_modulus_pa) / (3.0 * (1.0 - 2.0 * nu));
     findings.require(bulk <= STIFFEST_BULK, &material.name, "bulk_modulus", || {
-        format!("E and nu give a bulk modulus of {bulk:.2e} Pa")
+        format!("E and nu give a bulk modulus of {bulk:.2e} Pa; at most {STIFFEST_BULK:e} is possible")
     });
     if material.family == "rubber" {
         let [softest, stiffest] = RUBBER_BULK;
@@ -166,7 +166,7 @@ fn dilatational_speed(material: &Material, findings: &mut Findings) {
     let lateral = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
     let speed = (geometric_mid(material.youngs_modulus_pa) * lateral / material.density_kg_m3.mid()).sqrt();
     findings.require((0.2..=18500.0).contains(&speed), &material.name, "dilatational_speed", || {
-        format!("pressure waves run at {speed:.1} m/s")
+        format!("pressure waves run at {speed:.1} m/s; 0.2 to 18500 is possible")
     });
 }
 
@@ -219,5 +219,7 @@ fn bending(library: &MaterialLibrary, findings: &mut Findings) {
         });
     }
     let rubber = curvature(order[4]);
-    findings.require(rubber > 0.5, "library", "bending", || format!("rubber bends by only {rubber:.2}"));
+    findings.require(rubber > 0.5, "library", "bending", || {
+        format!("rubber bends by only {rubber:.2}; expected more than 0.5")
+    });
 }

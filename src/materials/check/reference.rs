@@ -51,7 +51,7 @@ pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
     for (family, (hits, total)) in met {
         let share = hits as f64 / total as f64;
         findings.require(share >= AGREEMENT, &format!("family:{family}"), "reference", || {
-            format!("{hits} of {total} ranges meet the textbook's; {:.0}% must", 100.0 * AGREEMENT)
+            format!("{hits} of {total} ranges overlap the textbook's; at least {:.0}% must", 100.0 * AGREEMENT)
         });
     }
 }

@@ -53,7 +53,9 @@ fn ranges(material: &Material, findings: &mut Findings) {
     findings.require(positive, &material.name, "range", || "density and modulus must be positive".to_owned());
     let may_be_zero = material.strength_kind == StrengthKind::Cohesion;
     let strong = material.strength_pa.low > 0.0 || may_be_zero;
-    findings.require(strong, &material.name, "range", || "only a cohesion may be 0".to_owned());
+    findings.require(strong, &material.name, "range", || {
+        "the strength must be positive; only a cohesion may be 0".to_owned()
+    });
 }
 
 /// Largest high/low of density and of E. The limits of solids assume a well-defined material; a vaguer name belongs to
@@ -125,11 +127,19 @@ fn poisson(material: &Material, findings: &mut Findings) {
     });
     let may_be_auxetic = matches!(material.family.as_str(), "foam" | "fabric" | "paper" | "food");
     if nu.low < 0.0 && !may_be_auxetic {
-        findings.warn(&material.name, "poisson", format!("nu down to {} in a {}", nu.low, material.family));
+        findings.warn(
+            &material.name,
+            "poisson",
+            format!("nu goes down to {}, which is unusual for {}", nu.low, material.family),
+        );
     }
     let may_be_incompressible = matches!(material.family.as_str(), "rubber" | "food" | "granular_soft");
     if nu.high > 0.49 && !may_be_incompressible {
-        findings.warn(&material.name, "poisson", format!("nu up to {} in a {}", nu.high, material.family));
+        findings.warn(
+            &material.name,
+            "poisson",
+            format!("nu goes up to {}, which is unusual for {}", nu.high, material.family),
+        );
     }
 }
 
@@ -158,7 +168,7 @@ fn friction(material: &Material, findings: &mut Findings) {
     let (rubber, steel) = (material.friction_rubber, material.friction_steel);
     findings.require(rubber.low >= steel.low && rubber.high >= steel.high, &material.name, "friction", || {
         format!(
-            "rubber ({} to {}) must have at least the friction of steel ({} to {})",
+            "friction on rubber ({} to {}) must be at least that on steel ({} to {})",
             rubber.low, rubber.high, steel.low, steel.high
         )
     });
@@ -191,7 +201,11 @@ fn hardness(material: &Material, findings: &mut Findings) {
         ShoreScale::D => ("D", "A", hardness.range.mid() < 20.0),
     };
     if off {
-        findings.warn(&material.name, "hardness", format!("off the middle of Shore {scale}; better given as {other}"));
+        findings.warn(
+            &material.name,
+            "hardness",
+            format!("its hardness is near an end of Shore {scale}; give it on Shore {other}"),
+        );
     }
 }
 

@@ -64,7 +64,10 @@ const FIBRE_PACKING: f64 = 0.75;
 fn fabric(material: &Material, fibre: &Constituent, findings: &mut Findings) {
     let densest = FIBRE_PACKING * fibre.density_kg_m3;
     findings.require(material.density_kg_m3.high <= densest, &material.name, "fabric", || {
-        format!("up to {} kg/m3; {} cloth has at most {densest:.0}", material.density_kg_m3.high, fibre.name)
+        format!(
+            "its density is up to {} kg/m3; {} cloth has at most {densest:.0}",
+            material.density_kg_m3.high, fibre.name
+        )
     });
     findings.require(material.youngs_modulus_pa.high < fibre.youngs_modulus_pa, &material.name, "fabric", || {
         format!("as stiff as its fibre, {} with {:.2e} Pa", fibre.name, fibre.youngs_modulus_pa)

@@ -95,7 +95,13 @@ fn class_defaults(library: &MaterialLibrary, findings: &mut Findings) {
                 distinct.len() >= FEWEST_DISTINCT,
                 &format!("family:{}", family.name),
                 "class_default",
-                || format!("{name} takes {} values over {} rows", distinct.len(), members.len()),
+                || {
+                    format!(
+                        "{name} has only {} different ranges in {} rows; at least {FEWEST_DISTINCT} are needed",
+                        distinct.len(),
+                        members.len()
+                    )
+                },
             );
         }
     }
@@ -151,7 +157,7 @@ fn cited_shares(library: &MaterialLibrary, findings: &mut Findings) {
         for (property, least) in LEAST_CITED {
             let share = shares.cited(property).unwrap_or(0.0);
             findings.require(share >= least, &format!("family:{}", shares.of), "cited_share", || {
-                format!("{:.0}% of {property} values are cited; {:.0}% must be", 100.0 * share, 100.0 * least)
+                format!("{:.0}% of {property} values are cited; at least {:.0}% must be", 100.0 * share, 100.0 * least)
             });
         }
     }

@@ -14,6 +14,7 @@ use thiserror::Error;
 
 use super::bibliography::USER;
 use super::{Label, Labels};
+use crate::files;
 use crate::output::counted;
 use crate::units::{Range, ShoreScale};
 
@@ -83,20 +84,19 @@ fn rows<T>(
     optional: &[&str],
     read: impl Fn(&Row) -> Result<T, LibraryError>,
 ) -> Result<Vec<T>, LibraryError> {
-    let file = table.name;
+    let (file, text) = (table.name, table.text.as_bytes());
     let not_csv = |source: csv::Error| match source.kind() {
         csv::ErrorKind::UnequalLengths { pos: Some(position), expected_len, len } => LibraryError::Ragged {
             file: file.to_owned(),
-            line: line_at(table.text, position),
+            line: files::line_at(text, position),
             cells: *len,
             columns: *expected_len,
         },
         _ => LibraryError::NotCsv { file: file.to_owned(), source },
     };
-    let mut reader =
-        csv::ReaderBuilder::new().trim(csv::Trim::All).comment(Some(b'#')).from_reader(table.text.as_bytes());
+    let mut reader = files::table(text);
     let columns = reader.headers().map_err(not_csv)?.clone();
-    let line = line_at(table.text, &csv::Position::new());
+    let line = files::line_at(text, &csv::Position::new());
     if let Some(column) = required.iter().find(|name| !columns.iter().any(|column| column == **name)) {
         return Err(LibraryError::MissingColumn { file: file.to_owned(), line, column: (*column).to_owned() });
     }
@@ -112,19 +112,11 @@ fn rows<T>(
     let mut cells = StringRecord::new();
     let mut rows = Vec::new();
     while reader.read_record(&mut cells).map_err(not_csv)? {
-        let line = cells.position().map_or(0, |position| line_at(table.text, position));
+        let line = cells.position().map_or(0, |position| files::line_at(text, position));
         *left = left.checked_sub(1).ok_or_else(|| LibraryError::TooManyRows { file: file.to_owned(), line })?;
         rows.push(read(&Row { file, line, columns: &columns, cells: &cells })?);
     }
     Ok(rows)
-}
-
-/// The line on which a record starts. Its position is where the reader began to look for it: before the line feed that
-/// ends the previous line on Windows, empty lines and comments.
-fn line_at(text: &str, position: &csv::Position) -> u64 {
-    let rest = usize::try_from(position.byte()).ok().and_then(|byte| text.get(byte..)).unwrap_or_default();
-    let is_skipped = |line: &&str| line.starts_with('#') || line.trim_end_matches(['\r', '\n']).is_empty();
-    position.line() + rest.split_inclusive('\n').take_while(is_skipped).count() as u64
 }
 
 impl Row<'_> {

@@ -218,7 +218,7 @@ function offer(query) {
   at("offer").hidden = !last;
   if (!last) return;
   const { material = "", caption = "" } = answerTo(last);
-  const use = make("button", { type: "button", id: "use" }, "Start from it");
+  const use = make("button", { type: "button", id: "use" }, "Start from that answer");
   use.addEventListener("click", () => { keep(query, answerTo(last)); show(); at("done").focus(); });
   at("offer").replaceChildren(`The same part as in question ${queries.indexOf(last) + 1}: `, make("b", {}, [material, caption].filter(Boolean).join(", ")), ". ", use);
 }

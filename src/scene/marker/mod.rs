@@ -23,7 +23,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use rayon::prelude::*;
 
-use super::{SceneError, View};
+use super::{MOST_ERROR, SceneError, View};
 use crate::units::{MetricScale, Range, ScaleSource};
 use detect::{Detection, detect};
 use edges::Lens;
@@ -80,8 +80,6 @@ pub struct FoundMarker {
 const LEAST_SHARPNESS: f64 = 0.68;
 /// With at least this many sharp views, the others are left out.
 const FEWEST_SHARP: usize = 3;
-/// Share of the side beyond which an error is cut off, so that the interval's upper end stays finite.
-const MOST_ERROR: f64 = 0.9;
 
 /// Finds `marker`, whose side is `side_m` metres long, in the photos of `views`: all of them, at full resolution.
 ///

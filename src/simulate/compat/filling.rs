@@ -93,7 +93,7 @@ fn fill_grid(blobs: &[Blob], cells: usize, dx: f32, filling: &Filling) -> Result
         steps.map(|(before, after)| missing(before, after).map(|numbers| numbers.len()).sum::<usize>());
     if added_dense + added_inside > filling.max_particles_num {
         return Err(SimulateError::Configuration(format!(
-            "the filling adds {} particles, more than `max_particles_num`; raise it or `search_threshold`",
+            "the filling adds {} particles, more than `max_particles_num`; raise that or `search_threshold`, or lower `max_partciels_per_cell`",
             added_dense + added_inside
         )));
     }
