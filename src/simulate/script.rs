@@ -384,8 +384,9 @@ impl Standing<'_> {
             "high_end" => within(self.longest_axis(), 1.0 - END, 1.0),
             part => {
                 let simulated: BTreeSet<u32> = self.labels.iter().copied().collect();
-                let unknown = |names| SimulateError::Part { part: part.to_owned(), names };
-                let found = parts_named(self.names, &simulated, part).map_err(unknown)?;
+                let names = || all_names(self.names, &simulated);
+                let unknown = || SimulateError::Part { part: part.to_owned(), names: names() };
+                let found = parts_named(self.names, &simulated, part).ok_or_else(unknown)?;
                 self.labels.iter().map(|&l| found[l as usize]).collect()
             }
         })
@@ -412,11 +413,8 @@ pub(super) fn names_of_parts(materials: &[Material]) -> Vec<Vec<&str>> {
 
 /// For each part, whether `part` refers to it: by one of its `names`, or, if no part has this name, by words from one of
 /// its names. Nothing can act on a part that is not among the `simulated` ones, but its name still stands for no other
-/// part.
-///
-/// # Errors
-/// If `part` refers to no simulated part: the names of all that are simulated, as a text.
-pub(super) fn parts_named(names: &[Vec<&str>], simulated: &BTreeSet<u32>, part: &str) -> Result<Vec<bool>, String> {
+/// part. `None` if `part` refers to no simulated part.
+pub(super) fn parts_named(names: &[Vec<&str>], simulated: &BTreeSet<u32>, part: &str) -> Option<Vec<bool>> {
     let named = |is: fn(&str, &str) -> bool| -> Vec<bool> {
         names.iter().map(|names| names.iter().any(|name| is(name, part))).collect()
     };
@@ -427,13 +425,15 @@ pub(super) fn parts_named(names: &[Vec<&str>], simulated: &BTreeSet<u32>, part: 
     for (label, found) in (0_u32..).zip(&mut found) {
         *found &= simulated.contains(&label);
     }
-    if found.contains(&true) {
-        return Ok(found);
-    }
+    found.contains(&true).then_some(found)
+}
+
+/// The names of all `simulated` parts, as a text.
+pub(super) fn all_names(names: &[Vec<&str>], simulated: &BTreeSet<u32>) -> String {
     let mut all: Vec<&str> = simulated.iter().flat_map(|&label| &names[label as usize]).copied().collect();
     all.sort_unstable();
     all.dedup();
-    Err(all.join("`, `"))
+    all.join("`, `")
 }
 
 /// True if the words of `part` occur in `name`, in their order and in singular or plural: "handle" in "body and handles

@@ -150,9 +150,9 @@ fn nothing_is_set_aside_of_the_fixtures() {
 #[test]
 fn scales_that_no_object_can_have_are_refused_with_the_size_they_make() {
     let load = |text: &str| scene::load(&hammer(), &options(&["--scale", text]).unwrap());
-    // The hammer's box is 0.35 scene units long.
+    // The hammer is 0.35 scene units long.
     for (text, size) in [
-        ("3000", "1.0 km"),
+        ("3000", "1.1 km"),
         ("1e-3", "um"),
         ("bbox:x=1001", "1.0 km"),
         ("bbox:x=1e-5", "10.0 um"),

@@ -17,7 +17,7 @@ use serde::{Deserialize, Serialize};
 use super::super::error::SimulateError;
 use super::super::filling::Body;
 use super::super::material::Material;
-use super::super::script::{Step, What, names_of_parts, parts_named};
+use super::super::script::{Step, What, all_names, names_of_parts, parts_named};
 use crate::materials::Law;
 
 /// Strain below which a change of shape cannot be seen: in a film of 720 lines that the object fills, less than a pixel.
@@ -155,11 +155,11 @@ pub fn choose(
 fn named(parts: &[String], names: &[Vec<&str>], simulated: &BTreeSet<u32>) -> Result<Vec<bool>, SimulateError> {
     let mut rigid = vec![false; names.len()];
     for part in parts {
-        let unknown = |names| match part.as_str() {
+        let unknown = || match part.as_str() {
             AUTO | NEVER => SimulateError::RigidAlone { word: part.clone() },
-            _ => SimulateError::Rigid { part: part.clone(), names },
+            _ => SimulateError::Rigid { part: part.clone(), names: all_names(names, simulated) },
         };
-        let found = parts_named(names, simulated, part).map_err(unknown)?;
+        let found = parts_named(names, simulated, part).ok_or_else(unknown)?;
         for (rigid, found) in rigid.iter_mut().zip(found) {
             *rigid |= found;
         }
