@@ -55,7 +55,7 @@ pub enum GraspError {
     ReadPoints { path: PathBuf, message: String },
     #[error(
         "every place where the fingers could press on {what} is wider than the {stroke_mm:.0} mm to which {gripper} opens: \
-         the narrowest is {narrowest_mm:.0} mm; grasp another part with --part or use a gripper with a longer stroke"
+         the narrowest is {narrowest_mm:.0} mm; use a gripper with a longer stroke, or name another part with --part"
     )]
     StrokeTooSmall { what: String, gripper: String, stroke_mm: f64, narrowest_mm: f64 },
     #[error(
@@ -65,8 +65,8 @@ pub enum GraspError {
     )]
     PointTooFar { point: [f64; 3], distance_mm: f64, finger_mm: f64 },
     #[error(
-        "no two opposite places on {what} can be pressed on and leave enough space for the fingers; grasp another part with \
-         --part, or elsewhere with --point"
+        "no two opposite places on {what} can be pressed on and leave enough space for the fingers; name a part with --part \
+         or a place with --point, where gprop then looks more closely"
     )]
     NoPlace { what: String },
 }

@@ -174,9 +174,9 @@ fn warnings(parts: &[FoundPart]) -> Vec<String> {
         );
     }
     let hidden = whole.iter().filter(|found| found.views.is_empty()).count();
-    if hidden > 0 {
+    if hidden > 0 && warnings.is_empty() {
         warnings.push(format!(
-            "{hidden} of {} {} too small in every view to be asked about; {} neighbours' material",
+            "{hidden} of {} {} hidden or too small in every view and cannot be asked about; {} neighbours' material",
             counted(whole.len(), "part"),
             agreeing(hidden, "is", "are"),
             agreeing(hidden, "it takes its", "they take their"),

@@ -8,7 +8,7 @@ use super::sam::mismatch::Mismatch;
 /// A failure of a model or of ONNX Runtime.
 #[derive(Debug, thiserror::Error)]
 pub enum SegmentError {
-    #[error("cannot load ONNX Runtime from {path:?}: {reason}; `gprop doctor` says which copy is used and why")]
+    #[error("cannot load ONNX Runtime from {path:?}: {reason}; `gprop doctor` shows where gprop looks for it")]
     Runtime { path: PathBuf, reason: String },
     #[error("ONNX Runtime is already loaded from {loaded:?}, and a process can load only one: {path:?} is not used")]
     OtherRuntime { loaded: PathBuf, path: PathBuf },
