@@ -83,6 +83,9 @@ fn the_page_is_whole_on_every_screen_in_light_and_dark() {
             "document.querySelectorAll('details:not([data-view])').forEach((details) => { details.open = false; })",
         );
     }
+    // Data sets have long names without a space.
+    page.evaluate("document.querySelector('h1').textContent = 'B07B4MQXYZ_table_lamp_with_a_tapered_shade'");
+    assert_eq!(page.faults(), Vec::<String>::new(), "a long name on a phone");
     assert!(grounds.chunks(2).all(|theme| theme[0] > theme[1] + 100), "light is lighter than dark: {grounds:?}");
     assert_eq!(page.complaints(), Vec::<String>::new());
 }

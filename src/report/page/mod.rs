@@ -322,7 +322,7 @@ fn simulation(simulation: &SimulationReport, pictures: &Pictures) -> Value {
 /// A rigid part: how hard it hit the ground, and what it can bear.
 fn rigid_row(part: &RigidReport) -> Value {
     let verdict = match (part.dents, part.peak_pressure_pa > 0.0) {
-        (true, _) => "the part would dent",
+        (true, _) => "the part would dent or break",
         (false, true) => "no damage",
         (false, false) => "never touches the ground",
     };
