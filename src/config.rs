@@ -12,6 +12,7 @@
 use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
+use std::os::unix::ffi::OsStrExt;
 use std::path::{Component, Path, PathBuf};
 
 use serde::{Serialize, Serializer};
@@ -381,10 +382,9 @@ pub fn name_of(flag: &OsStr) -> &str {
 
 /// The value in `--name=value`; `None` for a switch.
 pub fn value_of(flag: &OsStr) -> Option<&OsStr> {
-    let bytes = flag.as_encoded_bytes();
+    let bytes = flag.as_bytes();
     let equals = bytes.iter().position(|byte| *byte == b'=')?;
-    // SAFETY: the bytes of an `OsStr` may be divided after any ASCII character.
-    Some(unsafe { OsStr::from_encoded_bytes_unchecked(&bytes[equals + 1..]) })
+    Some(OsStr::from_bytes(&bytes[equals + 1..]))
 }
 
 /// A path that means the same whatever the current folder is: relative to `folder` if it is inside it, else absolute.

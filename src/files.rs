@@ -7,6 +7,8 @@ use std::fs::{self, File, FileType};
 use std::io::{self, BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
 
+use crate::output::counted;
+
 /// Opens a regular file.
 ///
 /// # Errors
@@ -65,6 +67,20 @@ pub fn line_at(text: &[u8], position: &csv::Position) -> u64 {
     let rest = usize::try_from(position.byte()).ok().and_then(|byte| text.get(byte..)).unwrap_or_default();
     let is_skipped = |line: &&[u8]| line.starts_with(b"#") || line.iter().all(|byte| matches!(byte, b'\r' | b'\n'));
     position.line() + rest.split_inclusive(|byte| *byte == b'\n').take_while(is_skipped).count() as u64
+}
+
+/// The line of the table `text` that cannot be read, and what is wrong with it: without the line that the reader counts, which
+/// may be [another one](line_at).
+pub fn table_problem(text: &[u8], error: &csv::Error) -> (u64, String) {
+    let problem = match error.kind() {
+        csv::ErrorKind::Deserialize { err, .. } => err.to_string(),
+        csv::ErrorKind::Utf8 { err, .. } => err.to_string(),
+        csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
+            format!("the header has {expected_len} columns, but this row has {}", counted(*len as usize, "cell"))
+        }
+        _ => error.to_string(),
+    };
+    (error.position().map_or(1, |position| line_at(text, position)), problem)
 }
 
 /// True if there is something at `path` other than a folder, even if [`open`] will refuse it: if a file that is looked

@@ -118,14 +118,14 @@ pub fn part_name(caption: &str, material: &str) -> String {
 }
 
 /// The text before its first comma, semicolon or colon, or before the full stop at the end of its first sentence: one that
-/// ends the text, or that white space and a capital letter follow, unlike that of "approx. 5 mm". After a word of one or two
-/// letters it marks an abbreviation: "St. Andrew's cross".
+/// ends the text, or that white space and a capital letter follow, unlike those of "approx. 5 mm" and "St. Andrew's cross".
 fn first_clause(text: &str) -> &str {
+    /// Abbreviations before a name.
+    const TITLES: [&str; 4] = ["Dr", "Mr", "Mt", "St"];
     let ends_sentence = |before: &str, after: &str| {
         let next = after.trim_start();
         let word = before.split_whitespace().next_back().unwrap_or_default();
-        let is_abbreviation = (1..=2).contains(&word.chars().filter(|c| c.is_alphabetic()).count());
-        next.is_empty() || (next.len() < after.len() && next.starts_with(char::is_uppercase) && !is_abbreviation)
+        next.is_empty() || (next.len() < after.len() && next.starts_with(char::is_uppercase) && !TITLES.contains(&word))
     };
     let ends = |(at, c): &(usize, char)| match c {
         ',' | ';' | ':' => true,
@@ -207,6 +207,7 @@ mod tests {
             ("6.5 mm. rod", "6.5 mm. rod"),
             ("St. Andrew's cross. It is white", "St. Andrew's cross"),
             ("foot no. 2. It is black", "foot no. 2"),
+            ("White PP. It is shiny", "White PP"),
         ];
         for (caption, name) in cases {
             assert_eq!(part_name(caption, "steel"), name, "{caption}");

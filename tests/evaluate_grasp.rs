@@ -125,5 +125,5 @@ fn tables_that_are_wrong_are_refused() {
     };
     refused("object,policy,picked_up,undamaged\n", "no rows");
     refused("object,policy,picked_up\na,b,true\n", "undamaged");
-    refused("object,policy,picked_up,undamaged\na,b,perhaps,true\n", "line: 2");
+    refused("object,policy,picked_up,undamaged\r\na,b,perhaps,true\r\n", "line 2: field 2: ");
 }

@@ -12,7 +12,6 @@ use super::EvaluateError;
 use super::scores::{Pair, Scores};
 use crate::camera::Camera;
 use crate::files;
-use crate::output::counted;
 use crate::render::{RenderOptions, render_labels};
 use crate::scene::gaussians::Gaussians;
 use crate::units::{ShoreHardness, ShoreScale};
@@ -64,26 +63,16 @@ pub struct HardnessEvaluation {
 pub fn read_points(path: &Path) -> Result<Vec<(u64, Reading)>, EvaluateError> {
     let unreadable = |source| EvaluateError::Read { path: path.to_owned(), source, remedy: "" };
     let text = files::read(path).map_err(unreadable)?;
-    let line_at = |position: Option<&csv::Position>| position.map_or(1, |position| files::line_at(&text, position));
     let error = |error: csv::Error| {
-        // Without the line that the reader counts, which would be another one.
-        let problem = match error.kind() {
-            csv::ErrorKind::Deserialize { err, .. } => err.to_string(),
-            csv::ErrorKind::Utf8 { err, .. } => err.to_string(),
-            csv::ErrorKind::UnequalLengths { expected_len, len, .. } => {
-                format!("the header has {expected_len} columns, but this row has {}", counted(*len as usize, "cell"))
-            }
-            _ => error.to_string(),
-        };
-        let (line, message) = (line_at(error.position()), format!("{problem}; columns: {COLUMNS}"));
-        EvaluateError::Row { path: path.to_owned(), line, message }
+        let (line, problem) = files::table_problem(&text, &error);
+        EvaluateError::Row { path: path.to_owned(), line, message: format!("{problem}; columns: {COLUMNS}") }
     };
     let mut reader = files::table(&text);
     let headers = reader.headers().map_err(error)?.clone();
     let mut readings = Vec::new();
     for row in reader.records() {
         let row = row.map_err(error)?;
-        let line = line_at(row.position());
+        let line = row.position().map_or(1, |position| files::line_at(&text, position));
         let reading: Reading = row.deserialize(Some(&headers)).map_err(error)?;
         if !(reading.hardness > 0.0 && reading.hardness <= 100.0) {
             let message = format!("hardness is {}: Shore scales run from above 0 to 100", reading.hardness);

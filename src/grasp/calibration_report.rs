@@ -102,9 +102,13 @@ impl CalibrationReport {
 }
 
 fn read(path: &Path) -> Result<Vec<CalibrationPoint>, GraspError> {
-    let error = |error: csv::Error| GraspError::ReadPoints { path: path.to_owned(), message: error.to_string() };
-    let text = files::read(path).map_err(|source| error(source.into()))?;
-    files::table(&text).deserialize().collect::<Result<_, _>>().map_err(error)
+    let error = |message| GraspError::ReadPoints { path: path.to_owned(), message };
+    let text = files::read(path).map_err(|source| error(source.to_string()))?;
+    let at_line = |source: csv::Error| {
+        let (line, problem) = files::table_problem(&text, &source);
+        error(format!("line {line}: {problem}"))
+    };
+    files::table(&text).deserialize().collect::<Result<_, _>>().map_err(at_line)
 }
 
 fn by_command(points: &[CalibrationPoint], fit: &Fit) -> Vec<MeasuredCommand> {

@@ -24,7 +24,8 @@ pub struct Parts {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "KnownMass"))]
     pub known_mass: Option<KnownMass>,
-    /// Metres in a scene unit, if they have an interval: from a marker, an estimate or the known mass; missing if they are exact.
+    /// Metres in a scene unit, if they have an interval: from a marker, a side of the object (`bbox`), an estimate or the known mass;
+    /// missing if they are exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "Estimate"))]
     pub meters_per_unit: Option<Estimate>,

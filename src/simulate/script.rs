@@ -384,8 +384,8 @@ impl Standing<'_> {
             "high_end" => within(self.longest_axis(), 1.0 - END, 1.0),
             part => {
                 let simulated: BTreeSet<u32> = self.labels.iter().copied().collect();
-                let names = || all_names(self.names, &simulated);
-                let unknown = || SimulateError::Part { part: part.to_owned(), names: names() };
+                let unknown =
+                    || SimulateError::Part { part: part.to_owned(), names: all_names(self.names, &simulated) };
                 let found = parts_named(self.names, &simulated, part).ok_or_else(unknown)?;
                 self.labels.iter().map(|&l| found[l as usize]).collect()
             }

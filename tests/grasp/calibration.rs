@@ -132,8 +132,8 @@ fn the_command_refuses_bad_measurements() {
     refused("No such file");
     write("command;force\n15;2\n");
     refused("command");
-    write("command,force_n\n15,2\n20,much\n");
-    refused("line: 3");
+    write("command,force_n\r\n15,2\r\n20,much\r\n");
+    refused("line 3: field 1: ");
     write("command,force_n\n15,2\n20,3\n");
     refused("too few");
     write(&csv(&measured(|command| 40.0 - 0.2 * command, 0.0)));

@@ -65,9 +65,13 @@ pub struct Evaluation {
 /// # Errors
 /// If the file cannot be read, is not such a table, or is empty.
 pub fn outcomes(path: &Path) -> Result<Vec<Outcome>, OutcomesError> {
-    let error = |e: csv::Error| OutcomesError::Table { path: path.to_owned(), message: e.to_string() };
-    let text = files::read(path).map_err(|source| error(source.into()))?;
-    let rows: Vec<Outcome> = files::table(&text).deserialize().collect::<Result<_, _>>().map_err(error)?;
+    let error = |message| OutcomesError::Table { path: path.to_owned(), message };
+    let text = files::read(path).map_err(|source| error(source.to_string()))?;
+    let at_line = |source: csv::Error| {
+        let (line, problem) = files::table_problem(&text, &source);
+        error(format!("line {line}: {problem}"))
+    };
+    let rows: Vec<Outcome> = files::table(&text).deserialize().collect::<Result<_, _>>().map_err(at_line)?;
     if rows.is_empty() { Err(OutcomesError::Empty { path: path.to_owned() }) } else { Ok(rows) }
 }
 
