@@ -73,6 +73,10 @@ fn the_fixture_is_aligned() {
     println!("{}PSNR from {psnr:.2} dB, IoU from {iou:.3}", to_text(&found));
     // The splat reaches 38 dB on average in views on which it was not trained.
     assert!(psnr > 32.0 && iou > 0.9);
+    // Both corners, as --object-box takes them.
+    let corner = |[x, y, z]: [f64; 3]| format!("({x:.4}, {y:.4}, {z:.4})");
+    let corners = format!("from {} to {}\n", corner(found.extent.min), corner(found.extent.max));
+    assert!(to_text(&found).contains(&corners));
     let json = serde_json::to_value(&found).unwrap();
     for key in ["gaussians", "sh_degree", "scale", "views", "aligned"] {
         assert!(json.get(key).is_some(), "{key}");

@@ -161,6 +161,7 @@ pub struct ShowArgs {
     /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable:
     /// photo colours, parts, materials and Young's modulus side by side, unless --what names another subject (not `vote`
     /// or `levels`).
+    #[arg(value_name = "FILE")]
     pub to: PathBuf,
     /// The subject of the picture.
     #[arg(long, value_enum, default_value_t)]

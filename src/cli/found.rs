@@ -10,7 +10,7 @@ use crate::consensus::Asked;
 use crate::error::Error;
 use crate::grasp::GraspReport;
 use crate::output::one_line;
-use crate::output::{counted, thousands};
+use crate::output::{agreeing, counted, thousands};
 use crate::part_name::part_name;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage};
@@ -94,8 +94,12 @@ fn segments(found: &Segmentation) -> String {
 fn parts_of_views(file: &Value) -> String {
     let all = file["parts"].as_array().map_or(&[][..], Vec::as_slice);
     let pieces = all.iter().filter(|part| !part["piece_of"].is_null()).count();
-    let with_pieces = if pieces > 0 { format!(", some divided into pieces ({pieces} in all)") } else { String::new() };
-    format!("{}{with_pieces}\n", counted(all.len() - pieces, "part"))
+    let parts = all.len() - pieces;
+    let with_pieces = match pieces {
+        0 => String::new(),
+        _ => format!("; {} divided into pieces, {pieces} in all", agreeing(parts, "it is", "some are")),
+    };
+    format!("{}{with_pieces}\n", counted(parts, "part"))
 }
 
 fn answers(found: &Answers) -> String {
@@ -155,4 +159,20 @@ fn grasp(report: &GraspReport) -> String {
         );
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+
+    #[test]
+    fn pieces_are_counted_apart_from_parts() {
+        let (part, piece) = (json!({ "piece_of": null }), json!({ "piece_of": 1 }));
+        let text = |parts: &[&Value]| parts_of_views(&json!({ "parts": parts }));
+        assert_eq!(text(&[&part, &part]), "2 parts\n");
+        assert_eq!(text(&[&part, &part, &piece, &piece]), "2 parts; some are divided into pieces, 2 in all\n");
+        assert_eq!(text(&[&part, &piece, &piece]), "1 part; it is divided into pieces, 2 in all\n");
+    }
 }

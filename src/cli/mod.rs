@@ -157,16 +157,24 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
         stages.once = last_run::once(command.get_name());
         stages.recorded = scene.map(|scene| last_run::recorded(&own, scene, &known)).unwrap_or_default();
     }
-    // A value that a file sets and its option refuses is reported with its place.
+    // A value that a file sets and its option refuses is reported with its place. clap's usage lists every flag that was
+    // given, so an error of the typed arguments is reported without the flags inserted before them.
     let matches = command().try_get_matches_from(all).map_err(|error| {
         let problem_with = |flag: &OsString| pipeline::problem_with(flag, with_flags_of_files(), &error);
         let invalid = files.iter().find_map(|file| file.invalid_value(&problem_with));
-        invalid.map_or_else(|| error.into(), anyhow::Error::from)
+        invalid.map_or_else(|| as_typed(arguments, error).into(), anyhow::Error::from)
     })?;
     let mut cli = Cli::from_arg_matches(&matches)?;
     stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     cli.global.flags = stages;
     Ok(cli)
+}
+
+/// The error of the typed `arguments` alone if it is of the same kind as `error`, which they cause together with the
+/// inserted flags; else `error`.
+fn as_typed(arguments: &[OsString], error: clap::Error) -> clap::Error {
+    let alone = command().try_get_matches_from(arguments).err();
+    alone.filter(|alone| alone.kind() == error.kind()).unwrap_or(error)
 }
 
 /// A command with every flag that a configuration file may set.
@@ -383,6 +391,22 @@ mod tests {
         assert!(turntable("", &[]));
         assert!(!turntable("turntable = false", &[]));
         assert!(turntable("turntable = false", &["--turntable"]));
+    }
+
+    #[test]
+    fn a_usage_error_shows_no_flags_of_the_files() {
+        let scene = tempfile::tempdir().unwrap();
+        std::fs::write(scene.path().join(config::FILE_NAME), "ask-views = 5\nscale = \"metric\"").unwrap();
+        let message = |command: &str, flags: &[&str]| {
+            let mut arguments: Vec<OsString> = vec!["gprop".into(), command.into(), scene.path().into()];
+            arguments.extend(flags.iter().map(OsString::from));
+            let error = parse_with(&arguments, None).unwrap_err();
+            error.downcast::<clap::Error>().unwrap().to_string()
+        };
+        for (message, words) in [(message("show", &[]), "<FILE>"), (message("run", &["--view", "20"]), "--view")] {
+            assert!(message.contains(words), "{message}");
+            assert!(!message.contains("--ask-views") && !message.contains("--scale"), "{message}");
+        }
     }
 
     #[test]

@@ -125,7 +125,14 @@ fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) ->
     let imported = session.import(folder)?;
     let Imported { recorded, unanswered, bad } = &imported;
     print(global, &imported, || {
-        let next = if *recorded > 0 { format!("; continue with `{next}` and the same options") } else { String::new() };
+        let next = match (*recorded, *unanswered) {
+            (0, _) => String::new(),
+            (_, 0) => format!("; continue with `{next}` and the same options"),
+            _ => format!(
+                "; answer the rest and import again, then continue with `{next}` and the same options; or let a model answer \
+                 the rest: `{next} --lmm-url URL --lmm-model NAME`"
+            ),
+        };
         format!("{} recorded, {} not answered{next}", counted(*recorded, "answer"), counted(*unanswered, "question"))
     })?;
     if bad.is_empty() {

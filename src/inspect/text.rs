@@ -21,6 +21,7 @@ pub fn to_text(inspection: &Inspection) -> String {
     line("Gaussians", gaussians(inspection));
     let [x, y, z] = inspection.extent.size;
     line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z) between centres, without outliers"));
+    line("", format!("from {} to {}", corner(inspection.extent.min), corner(inspection.extent.max)));
     line("scale", scale(inspection));
     line("cameras", cameras(inspection));
     if let Some(source) = inspection.foreground {
@@ -36,6 +37,10 @@ pub fn to_text(inspection: &Inspection) -> String {
         line(name, value);
     }
     text
+}
+
+fn corner([x, y, z]: [f64; 3]) -> String {
+    format!("({x:.4}, {y:.4}, {z:.4})")
 }
 
 fn gaussians(inspection: &Inspection) -> String {

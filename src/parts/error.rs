@@ -27,7 +27,8 @@ pub enum PartsError {
     NoVolume { parts: usize, why: String },
     #[error(
         "the metric scale is unknown, so masses and forces cannot be computed: give --scale metric if the scene is in \
-         metres, --scale F if a scene unit is F metres long, or --known-mass if you can weigh the object"
+         metres, or a length that you measured (such as --scale bbox:z=0.12 for the object's height in metres; see \
+         docs/capture.md for others), or --known-mass if you can weigh the object"
     )]
     ScaleUnknown,
     /// An error in a stored [`Interior`](super::Interior).

@@ -88,11 +88,25 @@ pub fn list(folder: &Path, layout: Option<Layout>) -> Result<DataSet, SceneError
     Ok(DataSet { layout, scenes, skipped, warnings })
 }
 
-/// The error that `folder` is not a scene but holds scenes; `None` if it has cameras of its own or holds no scene.
+/// The error that `folder` is not a scene but lies in one, or holds scenes and has no cameras of its own; `None` if
+/// neither is so.
 pub(super) fn instead_of_scene(folder: &Path) -> Option<SceneError> {
+    if let Some(parent) = scene_around(folder) {
+        return Some(SceneError::InsideScene { folder: folder.to_owned(), parent });
+    }
     let scenes = list(folder, None).ok().filter(|_| cameras::choose(folder, None).is_err())?.scenes;
     let first = scenes.first()?.folder.clone();
     Some(SceneError::ManyScenes { folder: folder.to_owned(), count: scenes.len(), first })
+}
+
+/// The parent of `folder` if it has a splat and cameras.
+fn scene_around(folder: &Path) -> Option<PathBuf> {
+    // `.` and `..` have no name, and the path does not tell their parents.
+    folder.file_name()?;
+    let parent = folder.parent()?;
+    let parent = if parent.as_os_str().is_empty() { Path::new(".") } else { parent };
+    let is_scene = splat_file::find(parent).is_ok() && cameras::choose(parent, None).is_ok();
+    is_scene.then(|| parent.to_owned())
 }
 
 /// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres.

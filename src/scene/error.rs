@@ -15,6 +15,9 @@ const TRAINERS: &str = "3DGS writes point_cloud/iteration_N/point_cloud.ply as i
     nerfstudio's splatfacto exports with `ns-export gaussian-splat` (copy splat.ply and dataparser_transforms.json beside \
     transforms.json), gsplat writes ply/point_cloud_N.ply with --save_ply, Brush exports export_N.ply";
 
+/// Maximum number of views that a message names.
+const MOST_VIEWS_NAMED: usize = 8;
+
 /// A scene that is missing, incomplete or broken. Each message is complete: it includes that of its cause.
 #[derive(Debug, Error)]
 pub enum SceneError {
@@ -30,6 +33,11 @@ pub enum SceneError {
         others_found(others),
     )]
     NoSplat { folder: PathBuf, others: Vec<String> },
+    #[error(
+        "`{}` is not a scene, but its parent `{}` has a splat and cameras; did you mean that?",
+        folder.display(), parent.display()
+    )]
+    InsideScene { folder: PathBuf, parent: PathBuf },
     #[error(
         "`{0}` is not a scene but holds {1}; give a scene folder, such as `{2}`, or run all of `{0}` with `gprop batch {0}`",
         folder.display(), counted(*.count, "scene folder"), first.display()
@@ -184,6 +192,10 @@ fn others_found(others: &[String]) -> String {
 fn views_known(known: &[String]) -> String {
     match known {
         [] => "the scene has no photo with a camera".to_owned(),
+        _ if known.len() > MOST_VIEWS_NAMED => {
+            let (named, more) = known.split_at(MOST_VIEWS_NAMED);
+            format!("the views are: {} and {} more", named.join(", "), more.len())
+        }
         _ => format!("the views are: {}", known.join(", ")),
     }
 }

@@ -7,6 +7,7 @@
 //! 3. `object` separates the object's Gaussians from its surroundings; [`outliers`] finds those that cannot belong to
 //!    any object.
 //! 4. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is sought only by [`Scene::scale_in_photos`].
+//! 5. `up` warns if the cameras suggest that another axis than z points up.
 //!
 //! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a
 //! data set.
@@ -36,6 +37,7 @@ pub mod splat;
 mod splat_file;
 mod splat_formats;
 pub mod spz;
+mod up;
 mod view_names;
 
 use std::borrow::Cow;
@@ -161,6 +163,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     };
     let (scale, warning) = options.scale.metric_scale(&measured)?;
     found.warnings.extend(warning);
+    found.warnings.extend(up::warning(&views));
     Ok(Scene {
         name: name_of(folder),
         scale,

@@ -271,8 +271,9 @@ impl FromStr for ScaleChoice {
                 }
             }),
         };
-        parsed.ok_or_else(|| {
-            format!("not one of {FORMS}, with lengths in metres from {SHORTEST_M} to {LONGEST_M}, or with mm, cm or m after them")
+        parsed.ok_or_else(|| match text.strip_prefix("bbox:").and_then(|rest| rest.split_once('=')) {
+            Some((axis, _)) if !AXES.contains(&axis.trim()) => "AXIS in bbox:AXIS=M is x, y or z".to_owned(),
+            _ => format!("not one of {FORMS}, with lengths in metres from {SHORTEST_M} to {LONGEST_M}, or with mm, cm or m after them")
         })
     }
 }

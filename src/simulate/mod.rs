@@ -100,8 +100,9 @@ pub fn simulate<E: From<SimulateError>>(
     };
     let at_most = if minutes < 1.0 { "a minute".to_owned() } else { counted(minutes.ceil() as usize, "minute") };
     progress.line(&format!(
-        "simulate  {}, {deform}, for {duration_s:.2} s: at most {at_most}",
-        counted(start.len(), "particle")
+        "simulate  {}, {deform}{}, for {duration_s:.2} s: at most {at_most}",
+        counted(start.len(), "particle"),
+        report.rigid_to_save_time()
     ));
     let course =
         format!("{setting:?} {ground:?} {:?} {bound:?} {actions:?} {} {duration_s}", report.rigid, options.frames);

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::checkpoint::FrameSummary;
 use super::material::{PoissonCapped, Softened};
 use super::rigid::choice::Reason;
+use crate::output::{agreeing, counted};
 
 /// The simulation and its result. Written as `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -61,6 +62,17 @@ impl SimulationReport {
                 (part.peak_pressure_pa, part.dents) = (peak_pressure_pa, peak_pressure_pa > part.strength_pa);
             }
         }
+    }
+
+    /// A note for people on the parts that are rigid only because the simulation would take too long; empty if there are
+    /// none.
+    pub(super) fn rigid_to_save_time(&self) -> String {
+        let count = self.rigid.iter().filter(|part| part.because == Reason::TooSlow).count();
+        if count == 0 {
+            return String::new();
+        }
+        let (are, them) = (agreeing(count, "is", "are"), agreeing(count, "it", "them"));
+        format!(" ({} {are} rigid to save time; `--rigid never` lets {them} deform)", counted(count, "part"))
     }
 
     /// Longest side of the object in its first pose, scene units.

@@ -504,11 +504,14 @@ mod tests {
     /// Dropped from half a metre, the cube strains by 3.13 m/s sqrt(7850 kg/m3 / E): 0.28 % with 1e10 Pa, hardly visible.
     #[test]
     fn a_fixed_step_makes_nothing_rigid_to_save_time() {
-        let rigid = |fixed_step: Option<f64>, duration: f64| -> Vec<choice::Reason> {
-            let setup = cube(1e10, &Options { fixed_step, duration: Some(duration), ..Options::default() });
-            setup.report.rigid.iter().map(|part| part.because).collect()
+        let report = |fixed_step: Option<f64>, duration: f64| {
+            cube(1e10, &Options { fixed_step, duration: Some(duration), ..Options::default() }).report
         };
-        assert_eq!(rigid(None, 3000.0), [choice::Reason::TooSlow]);
-        assert!(rigid(Some(1e-9), 1.0).is_empty());
+        let slow = report(None, 3000.0);
+        assert_eq!(slow.rigid.iter().map(|part| part.because).collect::<Vec<_>>(), [choice::Reason::TooSlow]);
+        let note = slow.rigid_to_save_time();
+        assert_eq!(note, " (1 part is rigid to save time; `--rigid never` lets it deform)");
+        let fixed = report(Some(1e-9), 1.0);
+        assert!(fixed.rigid.is_empty() && fixed.rigid_to_save_time().is_empty());
     }
 }

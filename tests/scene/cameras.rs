@@ -362,12 +362,13 @@ fn masks_that_are_missing_are_named() {
         white.save(masks.path().join(format!("{name}.png"))).unwrap();
     }
     let scene = made_up.load_with(&options).unwrap();
-    let [warning] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    let [warning, up] = &scene.warnings[..] else { panic!("{:?}", scene.warnings) };
+    assert!(up.contains("+y is up"), "{up}");
     assert!(warning.contains("--masks") && warning.contains("2 of 4 views: 001, 003"), "{warning}");
     for name in ["001", "003"] {
         white.save(masks.path().join(format!("{name}.png"))).unwrap();
     }
-    assert_eq!(made_up.load_with(&options).unwrap().warnings, Vec::<String>::new());
+    assert_eq!(made_up.load_with(&options).unwrap().warnings, [up.clone()]);
 }
 
 #[test]
@@ -708,6 +709,8 @@ fn scales_are_measured() {
     {
         assert!(options(&[&format!("--scale={nonsense}")]).is_err(), "{nonsense}");
     }
+    let refused = options(&["--scale=bbox:w=1"]).unwrap_err().to_string();
+    assert!(refused.contains("is x, y or z") && !refused.contains("known-length"), "{refused}");
 }
 
 #[test]

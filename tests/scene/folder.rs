@@ -134,6 +134,64 @@ fn chosen_views_are_spread_and_always_the_same() {
 }
 
 #[test]
+fn cameras_that_do_not_take_z_as_up_get_a_warning() {
+    // The cameras turn about x by quarter turns: y and z of their upward and backward axes.
+    let warnings_with = |up: [f64; 2], back: [f64; 2], cameras: usize| {
+        let mut made_up = MadeUp::new();
+        let frames = made_up.transforms["frames"].as_array_mut().unwrap();
+        frames.truncate(cameras);
+        for frame in frames {
+            for (row, (up, back)) in up.into_iter().zip(back).enumerate() {
+                frame["transform_matrix"][1 + row][1] = json!(up);
+                frame["transform_matrix"][1 + row][2] = json!(back);
+            }
+        }
+        made_up.load().unwrap().warnings
+    };
+    let none: [String; 0] = [];
+    assert_eq!(warnings_with([0.0, 1.0], [-1.0, 0.0], 4), none);
+    for (up, back, axis, lying) in [
+        ([1.0, 0.0], [0.0, 1.0], "+y is up", "lying on its side"),
+        ([-1.0, 0.0], [0.0, -1.0], "-y is up", "lying on its side"),
+        ([0.0, -1.0], [1.0, 0.0], "-z is up", "upside down"),
+    ] {
+        let warnings = warnings_with(up, back, 4);
+        assert!(warnings.len() == 1 && warnings[0].contains(axis) && warnings[0].contains(lying), "{warnings:?}");
+        assert_eq!(warnings_with(up, back, 2), none);
+    }
+    // Cameras that do not agree: two are upside down.
+    let mut made_up = MadeUp::new();
+    for frame in &mut made_up.transforms["frames"].as_array_mut().unwrap()[..2] {
+        frame["transform_matrix"][1][1] = json!(-1.0);
+        frame["transform_matrix"][2][2] = json!(-1.0);
+    }
+    assert_eq!(made_up.load().unwrap().warnings, none);
+    let rendered = options(&["--render-views", "4"]).unwrap();
+    assert_eq!(made_up.load_as_is(&rendered).unwrap().warnings, none);
+}
+
+#[test]
+fn a_folder_inside_a_scene_points_to_the_scene() {
+    let made_up = MadeUp::new();
+    made_up.load().unwrap();
+    let trained = made_up.path("point_cloud/iteration_1400");
+    std::fs::create_dir_all(&trained).unwrap();
+    std::fs::rename(made_up.path("point_cloud.ply"), trained.join("point_cloud.ply")).unwrap();
+    for inside in ["images", "point_cloud"] {
+        let loaded = scene::load(&made_up.path(inside), &Options::default());
+        let parent = format!("its parent `{}` has a splat", made_up.folder.path().display());
+        assert_message(loaded, &["is not a scene", &parent, "did you mean that?"]);
+    }
+}
+
+#[test]
+fn an_unknown_view_is_answered_with_a_few_names() {
+    let known = (0..49).map(|n| format!("{n:03}")).collect();
+    let message = SceneError::UnknownView { name: "x".to_owned(), known }.to_string();
+    assert!(message.ends_with("the views are: 000, 001, 002, 003, 004, 005, 006, 007 and 41 more"), "{message}");
+}
+
+#[test]
 fn views_by_number_and_by_name() {
     let mut made_up = MadeUp::new();
     let scene = made_up.load().unwrap();
@@ -382,7 +440,8 @@ fn photos_of_another_size_rescale_the_intrinsics() {
     let scene = made_up.load().unwrap();
     let i = scene.views[0].camera.intrinsics;
     assert_eq!((i.width, i.height, i.fx, i.fy, i.cx, i.cy), (8, 6, 5.0, 5.0, 4.0, 3.0));
-    assert_eq!(scene.warnings.len(), 1);
+    assert_eq!(scene.warnings.len(), 2);
+    assert!(scene.warnings[1].contains("+y is up"), "{:?}", scene.warnings);
     assert!(
         scene.warnings[0].contains("4 photos") && scene.warnings[0].contains("16 x 12, found 8 x 6"),
         "{:?}",
