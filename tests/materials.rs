@@ -417,7 +417,7 @@ fn a_citation_stands_for_one_row() {
 #[test]
 fn a_copy_of_the_built_in_tables_is_a_users_table_too() {
     let copy = MaterialLibrary::load(&Path::new(env!("CARGO_MANIFEST_DIR")).join("materials")).expect("the same rows");
-    assert_eq!(cli::check_text(&copy, false), cli::check_text(&MaterialLibrary::builtin(), false));
+    assert_eq!(cli::check_text(&copy, false), cli::check_text(MaterialLibrary::builtin(), false));
 }
 
 const FAMILY_HEADER: &str = "family,strength_meaning,hardness_low_scale,hardness_low,hardness_high_scale,hardness_high,\

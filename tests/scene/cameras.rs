@@ -368,7 +368,7 @@ fn masks_that_are_missing_are_named() {
     for name in ["001", "003"] {
         white.save(masks.path().join(format!("{name}.png"))).unwrap();
     }
-    assert_eq!(made_up.load_with(&options).unwrap().warnings, [up.clone()]);
+    assert_eq!(made_up.load_with(&options).unwrap().warnings, std::slice::from_ref(up));
 }
 
 #[test]

@@ -150,7 +150,7 @@ impl<'a> Places<'a> {
     }
 
     /// The absolute path to which `file` leads from the folder of the camera file, whether or not anything is there.
-    pub fn from_camera_file(&self, file: &str) -> PathBuf {
+    pub fn beside_camera_file(&self, file: &str) -> PathBuf {
         view_names::without_climbing(&self.beside.join(file.replace('\\', "/")))
     }
 

@@ -155,7 +155,7 @@ fn photo_of(file: &str, places: &Places) -> Lookup {
         // An absolute path that is right on the machine where the cameras were calibrated leads out of every folder here.
         if !view_names::is_absolute(file) {
             // From the folder of the camera file, a name may climb and still lead to one of the folders.
-            let leads_to = places.from_camera_file(file);
+            let leads_to = places.beside_camera_file(file);
             let climbed = leads_to.to_string_lossy().into_owned();
             return match find(&climbed) {
                 Some((folder, file)) => Lookup::Found { folder, file, is_shortened: false },
@@ -175,7 +175,7 @@ fn named_mask(frame: &Frame, folder: &Path, places: &Places) -> Option<PathBuf> 
     let candidates = match view_names::path_within(folder, mask) {
         Some(within) => vec![folder.join(within)],
         // A path that climbs does so from the folder of the camera file or from that of the photo.
-        None => vec![places.from_camera_file(mask), folder.join(mask.replace('\\', "/"))],
+        None => vec![places.beside_camera_file(mask), folder.join(mask.replace('\\', "/"))],
     };
     candidates.into_iter().find(|path| files::is_there(path))
 }
