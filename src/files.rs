@@ -7,6 +7,8 @@ use std::fs::{self, File, FileType};
 use std::io::{self, BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
+
 use crate::output::counted;
 
 /// Opens a regular file.
@@ -81,6 +83,25 @@ pub fn table_problem(text: &[u8], error: &csv::Error) -> (u64, String) {
         _ => error.to_string(),
     };
     (error.position().map_or(1, |position| line_at(text, position)), problem)
+}
+
+/// Why the rows of a table cannot be had.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    #[error("{0}")]
+    Unreadable(#[from] io::Error),
+    #[error("line {line}: {problem}")]
+    BadRow { line: u64, problem: String },
+}
+
+/// The rows of the [`table`] in a file.
+pub fn rows<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, TableError> {
+    let text = read(path)?;
+    let bad_row = |error: csv::Error| {
+        let (line, problem) = table_problem(&text, &error);
+        TableError::BadRow { line, problem }
+    };
+    table(&text).deserialize().collect::<Result<_, _>>().map_err(bad_row)
 }
 
 /// True if there is something at `path` other than a folder, even if [`open`] will refuse it: if a file that is looked

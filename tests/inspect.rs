@@ -19,6 +19,13 @@ fn fixture() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/hammer"))
 }
 
+/// Options with a box around the half of the object on the side of larger x.
+fn half_a_box(folder: &Path) -> Options {
+    let middle = scene::load(folder, &Options::default()).unwrap().object_bounds().center();
+    let object_box = format!("{},-9,-9:9,9,9", middle.x).parse().unwrap();
+    Options { object_box: Some(object_box), ..Options::default() }
+}
+
 fn inspected(folder: &Path, options: &Options) -> Inspection {
     inspect(folder, options, Progress::Hidden).unwrap()
 }
@@ -152,9 +159,7 @@ fn masks_count_like_alpha() {
 #[test]
 fn masks_are_those_of_the_object_alone() {
     let folder = with_poses(|pose| pose);
-    let middle = scene::load(folder.path(), &Options::default()).unwrap().object_bounds().center();
-    let object_box = format!("{},-9,-9:9,9,9", middle.x).parse().unwrap();
-    let options = Options { object_box: Some(object_box), ..Options::default() };
+    let options = half_a_box(folder.path());
     let half = scene::load(folder.path(), &options).unwrap();
     let masks = folder.path().join("masks");
     std::fs::create_dir(&masks).unwrap();
@@ -170,9 +175,7 @@ fn masks_are_those_of_the_object_alone() {
 #[test]
 fn a_box_around_some_of_what_alpha_shows_is_no_misalignment() {
     let folder = with_poses(|pose| pose);
-    let middle = scene::load(folder.path(), &Options::default()).unwrap().object_bounds().center();
-    let object_box = format!("{},-9,-9:9,9,9", middle.x).parse().unwrap();
-    let options = Options { object_box: Some(object_box), ..Options::default() };
+    let options = half_a_box(folder.path());
     let found = inspected(folder.path(), &options);
     assert_eq!((found.object_source, found.foreground), (ObjectSource::Box, Some(ForegroundSource::Alpha)));
     assert!(found.views.iter().any(|view| view.mask_iou < Some(0.7)), "{:?}", found.views);

@@ -102,13 +102,7 @@ impl CalibrationReport {
 }
 
 fn read(path: &Path) -> Result<Vec<CalibrationPoint>, GraspError> {
-    let error = |message| GraspError::ReadPoints { path: path.to_owned(), message };
-    let text = files::read(path).map_err(|source| error(source.to_string()))?;
-    let at_line = |source: csv::Error| {
-        let (line, problem) = files::table_problem(&text, &source);
-        error(format!("line {line}: {problem}"))
-    };
-    files::table(&text).deserialize().collect::<Result<_, _>>().map_err(at_line)
+    files::rows(path).map_err(|problem| GraspError::ReadPoints { path: path.to_owned(), message: problem.to_string() })
 }
 
 fn by_command(points: &[CalibrationPoint], fit: &Fit) -> Vec<MeasuredCommand> {

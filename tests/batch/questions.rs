@@ -14,16 +14,21 @@ fn json_of(command: &mut std::process::Command, code: i32) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_default()
 }
 
+/// `gprop batch --queries STEP` on this server.
+fn step_of(balls: &Balls, server: &BatchApiServer, step: &str) -> std::process::Command {
+    let options = server.options();
+    let (url, model) = (options.lmm_url.unwrap(), options.lmm_model.unwrap());
+    batch(balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0", "--queries", step])
+}
+
 #[test]
 fn all_scenes_queries_go_out_and_come_in_together() {
     let balls = Balls::new(3);
     let good = good_answer(a("wood"));
     let server = BatchApiServer::new(&good);
-    let options = server.options();
-    let (url, model) = (options.lmm_url.unwrap(), options.lmm_model.unwrap());
     let step = |step: &str, more: &[&str]| {
-        let mut command = batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0"]);
-        command.args(["--queries", step]).args(more);
+        let mut command = step_of(&balls, &server, step);
+        command.args(more);
         command
     };
     let later = step("submit", &["--from", "vote"]).output().unwrap();
@@ -58,6 +63,7 @@ fn all_scenes_queries_go_out_and_come_in_together() {
     assert!(stderr(&nothing).contains("no Batch API job is waiting"), "{}", stderr(&nothing));
 
     // Every scene finds its answers without a server.
+    let model = server.options().lmm_model.unwrap();
     let replayed = batch(&balls, &["--answers", "replay", "--lmm-model", &model]).arg("--json").output().unwrap();
     let states: Vec<Value> = String::from_utf8(replayed.stdout)
         .unwrap()
@@ -78,10 +84,7 @@ fn scenes_with_the_same_questions_pay_for_them_once() {
     std::fs::rename(balls.scene(2), &later).unwrap();
     let good = good_answer(a("wood"));
     let server = BatchApiServer::new(&good);
-    let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
-    let step = |step: &str| {
-        batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0", "--queries", step])
-    };
+    let step = |step: &str| step_of(&balls, &server, step);
     let sent = json_of(&mut step("submit"), 0);
     assert_eq!((&sent["sent"], &sent["waiting"]), (&json!(5), &json!(0)), "one of six was asked at once");
     std::fs::rename(&later, balls.scene(2)).unwrap();
@@ -104,10 +107,7 @@ fn one_scenes_bad_options_keep_no_other_answers_back() {
     let balls = Balls::new(2);
     let good = good_answer(a("wood"));
     let server = BatchApiServer::new(&good);
-    let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
-    let step = |step: &str| {
-        batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0", "--queries", step])
-    };
+    let step = |step: &str| step_of(&balls, &server, step);
     assert_eq!(json_of(&mut step("submit"), 0)["sent"], 11);
     let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good)).collect();
     server.set(completed(), &output, &[]);
@@ -170,10 +170,7 @@ fn answers_are_not_recorded_through_a_link() {
     let (balls, outside) = (Balls::new(1), tempfile::tempdir().unwrap());
     let good = good_answer(a("wood"));
     let server = BatchApiServer::new(&good);
-    let (url, model) = (server.options().lmm_url.unwrap(), server.options().lmm_model.unwrap());
-    let step = |step: &str| {
-        batch(&balls, &["--lmm-url", &url, "--lmm-model", &model, "--lmm-retries", "0", "--queries", step])
-    };
+    let step = |step: &str| step_of(&balls, &server, step);
     assert_eq!(json_of(&mut step("submit"), 0)["sent"], 5);
     let output: Vec<Value> = server.sent().iter().map(|id| answered(id, &good)).collect();
     server.set(completed(), &output, &[]);

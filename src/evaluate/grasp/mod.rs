@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::files;
+use crate::files::{self, TableError};
 use crate::output::one_line;
 
 use predicted::GraspedObject;
@@ -65,13 +65,8 @@ pub struct Evaluation {
 /// # Errors
 /// If the file cannot be read, is not such a table, or is empty.
 pub fn outcomes(path: &Path) -> Result<Vec<Outcome>, OutcomesError> {
-    let error = |message| OutcomesError::Table { path: path.to_owned(), message };
-    let text = files::read(path).map_err(|source| error(source.to_string()))?;
-    let at_line = |source: csv::Error| {
-        let (line, problem) = files::table_problem(&text, &source);
-        error(format!("line {line}: {problem}"))
-    };
-    let rows: Vec<Outcome> = files::table(&text).deserialize().collect::<Result<_, _>>().map_err(at_line)?;
+    let error = |problem: TableError| OutcomesError::Table { path: path.to_owned(), message: problem.to_string() };
+    let rows: Vec<Outcome> = files::rows(path).map_err(error)?;
     if rows.is_empty() { Err(OutcomesError::Empty { path: path.to_owned() }) } else { Ok(rows) }
 }
 
