@@ -11,10 +11,10 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::consensus::{Parts, SegmentedView, find};
-use gprop::progress::Progress;
-use gprop::scene::gaussians::Gaussians;
+use gprop::gaussians::Gaussians;
 use gprop::scene::{self, View};
 use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
+use gprop::words::progress::Progress;
 use pieces::in_pieces;
 
 /// Counts the bytes in use.

@@ -10,7 +10,7 @@ use std::io::BufReader;
 use std::path::Path;
 use std::time::Instant;
 
-use gprop::scene::ply;
+use gprop::scene::splat::ply;
 use ply_rs_bw::parser::Parser;
 use ply_rs_bw::ply::DefaultElement;
 

@@ -8,17 +8,17 @@ use std::hint::black_box;
 use std::path::Path;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use gprop::gaussians::Gaussians;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::Surface;
 use gprop::grasp::{self, grasp};
 use gprop::materials::Law;
 use gprop::parts::{self, parts};
-use gprop::progress::Progress;
 use gprop::query::Form;
-use gprop::scene::gaussians::Gaussians;
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, MetricScale, ScaleSource};
 use gprop::vote::{FieldLabel, MaterialField};
+use gprop::words::progress::Progress;
 use pieces::in_pieces;
 
 fn hammer() -> Scene {

@@ -4,13 +4,13 @@ use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::materials::MaterialLibrary;
-use gprop::progress::Progress;
-use gprop::query::budget::Budget;
+use gprop::query::ask::budget::Budget;
 use gprop::query::question::About;
 use gprop::query::recorded::{Answerer, Recording, Recordings};
 use gprop::query::{Options, Prompts, Queries, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
+use gprop::words::progress::Progress;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};
 

@@ -7,8 +7,8 @@ use std::fs::File;
 use std::io::BufWriter;
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
-use gprop::scene::gaussians::{ExtraProperty, Gaussians};
-use gprop::scene::ply;
+use gprop::gaussians::{ExtraProperty, Gaussians};
+use gprop::scene::splat::ply;
 
 const COUNT: usize = 1_000_000;
 

@@ -20,13 +20,13 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
-use gprop::progress::Progress;
 use gprop::segment::mask::Rect;
 use gprop::segment::nms::box_nms;
 use gprop::segment::preprocess::prepare;
 use gprop::segment::sam::{LOGITS_SIDE, Sam};
 use gprop::segment::upsample::Upsampler;
 use gprop::setup;
+use gprop::words::progress::Progress;
 use image::RgbImage;
 
 /// Logits of a blob that fills about a sixth of a picture, with a wavy edge.

@@ -2,10 +2,10 @@
 //! sorting. `cargo bench --bench simulate`; `simulate_peers.py` compares it with other solvers.
 
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use gprop::simulate::boundary::{Boundary, Contact};
-use gprop::simulate::mpm::laws::Law;
-use gprop::simulate::mpm::particles::{IDENTITY, Particle};
-use gprop::simulate::mpm::{Setting, Solver};
+use gprop::mpm::boundary::{Boundary, Contact};
+use gprop::mpm::laws::Law;
+use gprop::mpm::particles::{IDENTITY, Particle};
+use gprop::mpm::{Setting, Solver};
 
 /// Laws, each with the initial value of its state.
 const LAWS: [(&str, Law, f32); 4] = [

@@ -8,13 +8,13 @@ use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::camera::{Camera, Distortion, Intrinsics};
+use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
-use gprop::progress::Progress;
 use gprop::query::{Answer, Answers, Outcome, SegmentAnswer};
 use gprop::render::{LANES, RenderOptions, Sink, Splat, render, visit};
-use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
 use gprop::vote::{Options, Rule, ViewInput, vote};
+use gprop::words::progress::Progress;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 const COUNT: usize = 1_000_000;

@@ -11,20 +11,20 @@ use crate::export::ExportError;
 use crate::film::FilmError;
 use crate::grasp::GraspError;
 use crate::materials::LibraryError;
-use crate::output;
 use crate::parts::PartsError;
+use crate::query::ask::cost::PriceError;
 use crate::query::client::ClientError;
-use crate::query::cost::PriceError;
 use crate::query::exchange::ExchangeError;
 use crate::query::recorded::RecordingError;
 use crate::query::{LabelsError, PromptError, QueryError};
 use crate::scene::SceneError;
-use crate::scene::ply::PlyError;
+use crate::scene::splat::ply::PlyError;
 use crate::segment::SegmentError;
 use crate::segment::formats::ImportError;
 use crate::setup::SetupError;
 use crate::simulate::SimulateError;
 use crate::vote::VoteError;
+use crate::words::output;
 use crate::workdir::WorkDirError;
 
 /// The exit codes of gprop. The numbers are part of the command-line contract.

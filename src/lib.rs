@@ -7,7 +7,8 @@
 //! have not run yet:
 //!
 //! ```
-//! # use gprop::{progress::Progress, setup};
+//! # use gprop::setup;
+//! # use gprop::words::progress::Progress;
 //! # // Without SAM there is nothing to show.
 //! # if setup::obtain(&setup::Options::default(), Progress::Hidden).is_err() { return Ok::<(), Box<dyn std::error::Error>>(()) }
 //! let work = tempfile::tempdir()?;
@@ -43,11 +44,11 @@
 //! ```
 //!
 //! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages
-//! make, [`plots`] draws their plots. Imports never lead back, neither between these modules nor between files;
+//! make, [`pictures::plots`] draws their plots. Imports never lead back, neither between these modules nor between files;
 //! `tests/structure.rs` checks it.
 //!
-//! The inner loops are a crate of their own, [`gprop_kernels`]: SAM's mask decoder, the simulation's solver, [`render`],
-//! and [`simd`], the vector registers that they compute with.
+//! The inner loops are [`sam`], the mask decoder; [`mpm`], the simulation's solver; and [`render`]. They compute with the
+//! vector registers of [`simd`].
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
@@ -55,6 +56,7 @@
 #![allow(rustdoc::private_intra_doc_links)]
 
 pub mod batch;
+pub mod camera;
 mod cli;
 pub mod config;
 pub mod consensus;
@@ -65,34 +67,30 @@ pub mod export;
 pub mod files;
 pub mod film;
 pub mod from_splat;
+pub mod gaussians;
 pub mod grasp;
 pub mod inspect;
 pub mod lettering;
 pub mod materials;
-pub mod npy;
-pub mod npz;
+pub mod mpm;
 pub mod numeric;
-pub mod option_values;
-pub mod output;
-mod part_name;
 pub mod parts;
 pub mod pictures;
 pub mod pipeline;
-pub mod plots;
-pub mod progress;
 pub mod query;
-pub mod read_scope;
-pub(crate) mod readable;
+pub mod render;
 pub mod report;
+pub mod sam;
 pub mod scene;
 pub mod segment;
 pub mod setup;
+pub mod simd;
 pub mod simulate;
 pub mod units;
 pub mod vote;
+pub mod words;
 pub mod workdir;
 
 pub use cli::{command, main};
 pub use error::Error;
-pub use gprop_kernels::{camera, render, simd};
 pub use pipeline::{Builder, Options, Pipeline};

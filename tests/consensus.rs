@@ -3,10 +3,10 @@
 use gprop::camera::{Camera, Intrinsics};
 use gprop::consensus::masks::{PartMasks, part_masks};
 use gprop::consensus::{Part, PartView, Parts, SegmentedView, best_views, find};
-use gprop::progress::Progress;
+use gprop::gaussians::Gaussians;
 use gprop::render::{RenderOptions, render_labels};
-use gprop::scene::gaussians::Gaussians;
 use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
+use gprop::words::progress::Progress;
 
 use crate::vote::build::{Blob, Noise, camera_at, cloud};
 

@@ -5,11 +5,12 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use gprop::from_splat::{foreground, render_views};
+use gprop::gaussians::Gaussians;
 use gprop::inspect::{Inspection, inspect, misfit, to_text};
 use gprop::numeric::sphere_directions;
-use gprop::progress::Progress;
-use gprop::scene::gaussians::Gaussians;
-use gprop::scene::{self, ForegroundSource, ObjectSource, Options, View, ply};
+use gprop::scene::splat::ply;
+use gprop::scene::{self, ForegroundSource, ObjectSource, Options, View};
+use gprop::words::progress::Progress;
 use image::Rgb;
 use nalgebra::{Matrix3, Matrix4};
 use serde_json::{Value, json};

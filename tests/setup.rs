@@ -8,9 +8,9 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use gprop::progress::Progress;
 use gprop::setup::catalog::{ONNXRUNTIME_WHEEL, SAM_DECODER, SAM_ENCODER};
 use gprop::setup::{Environment, ModelFiles, Options, SetupError, doctor_in, obtain_in};
+use gprop::words::progress::Progress;
 
 use crate::support;
 

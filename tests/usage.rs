@@ -11,7 +11,7 @@ use std::process::Output;
 
 use clap::error::ErrorKind;
 use clap::{Arg, Command};
-use gprop::option_values;
+use gprop::config::option_values;
 use tempfile::TempDir;
 
 use crate::batch::ball::Balls;

@@ -1,6 +1,6 @@
 //! A cloud of a million Gaussians, from a small one.
 
-use gprop::scene::gaussians::Gaussians;
+use gprop::gaussians::Gaussians;
 use nalgebra::Vector3;
 
 /// Pieces per Gaussian for a cloud of a million.

@@ -13,7 +13,7 @@ use gprop::exit::Exit;
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::{Options, Pipeline, Plan, Stage};
 use gprop::query::AnswerSource;
-use gprop::scene::ply;
+use gprop::scene::splat::ply;
 use gprop::segment::LabelMap;
 use gprop::units::Range;
 use gprop::workdir::Checksum;

@@ -4,15 +4,16 @@
 use std::sync::LazyLock;
 
 use gprop::camera::{Camera, Distortion, Intrinsics};
+use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{self, parts};
-use gprop::progress::Progress;
 use gprop::query::{Answer, Answers, Outcome, SegmentAnswer};
-use gprop::scene::gaussians::Gaussians;
-use gprop::scene::{outliers, ply};
+use gprop::scene::object::outliers;
+use gprop::scene::splat::ply;
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, MetricScale, ScaleSource};
 use gprop::vote::{self, ViewInput, vote};
+use gprop::words::progress::Progress;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 const GAUSSIANS: usize = 300;

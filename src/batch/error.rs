@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
-use crate::output::{agreeing, counted, one_line};
+use crate::words::output::{agreeing, counted, one_line};
 use crate::workdir::lock::Holder;
 
 /// Why a batch cannot be run, or did not finish all scenes.

@@ -27,9 +27,9 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use crate::output::{agreeing, counted};
 use crate::pipeline::{Hasher, Stage, known_flags};
 use crate::scene::dataset;
+use crate::words::output::{agreeing, counted};
 use crate::{config, files, workdir};
 
 pub use child::end_with_the_batch;

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroUsize;
 
-use crate::option_values::above;
+use crate::config::option_values::above;
 use crate::scene::dataset::Layout;
 
 use super::{BatchError, Shard};

@@ -11,13 +11,13 @@ use anyhow::Result;
 use crate::error;
 use crate::pipeline::query_session::{self, QuerySession};
 use crate::pipeline::{self, Collected, Pipeline, Plan, Sent, Stage, check_submission};
-use crate::progress::Progress;
-use crate::query::asker::Asker;
+use crate::query::ask::asker::Asker;
+use crate::query::ask::cost::Cost;
 use crate::query::batch_api::{self as api, Answered, Request, Submitted, Waiting};
 use crate::query::client::{ApiKey, Client, ClientError};
-use crate::query::cost::Cost;
 use crate::query::recorded::Recording;
 use crate::query::{self, AnswerSource, Queries, QueryError, Sha256Hex};
+use crate::words::progress::Progress;
 use crate::workdir;
 
 use super::select::Selected;
@@ -41,7 +41,7 @@ pub struct Questions<'a> {
     client: Client,
     answers: AnswerSource,
     /// The budget of the submission.
-    budget: query::budget::Budget,
+    budget: query::ask::budget::Budget,
     /// Returns a scene's options, including those of its `gprop.toml`.
     options_of: &'a dyn Fn(&Path) -> Result<pipeline::Options>,
     /// Prevents other processes from sending or collecting the questions of this shard.
@@ -60,7 +60,7 @@ impl<'a> Questions<'a> {
     ) -> Result<Self> {
         let (key, network) = (ApiKey::from_environment()?, options.setup.network());
         let client = Client::new(&options.query, key, network, Progress::Hidden)?.ok_or(ClientError::NoUrl)?;
-        let budget = query::budget::Budget::new(query_session::price(&options.query)?, options.query.max_usd);
+        let budget = query::ask::budget::Budget::new(query_session::price(&options.query)?, options.query.max_usd);
         let lock = Ledger::open(&batch.home(), batch.shard())?;
         Ok(Self { batch, client, answers: options.query.answers, budget, options_of, _lock: lock })
     }

@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 use glob::Pattern;
 
 use crate::files;
-use crate::output::{agreeing, counted};
 use crate::scene::SplatFormat;
 use crate::scene::dataset::Entry;
+use crate::words::output::{agreeing, counted};
 use crate::workdir;
 
 use super::shard::deal;

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::output::{counted, one_line};
 use crate::report::ESTIMATED;
+use crate::words::output::{counted, one_line};
 use crate::workdir;
 
 use super::select::Selected;

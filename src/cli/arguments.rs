@@ -7,8 +7,8 @@ use std::path::PathBuf;
 use clap::builder::PossibleValue;
 use clap::{Args, Parser, Subcommand};
 
+use crate::config::option_values::{self, from_to};
 use crate::evaluate::vocabulary::Vocabulary;
-use crate::option_values::{self, from_to};
 use crate::pictures::figure::Shown;
 use crate::pipeline::{self, FieldFlags, Stage};
 use crate::scene::SizedMarker;

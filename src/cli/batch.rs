@@ -6,14 +6,14 @@ use serde::Serialize;
 
 use crate::batch::{Batch, BatchError, Outcome, QuestionStep, Questions, Shard, Standing, State, Summary, Task};
 use crate::error::UsageError;
-use crate::output::one_line;
 use crate::pipeline::{self, Stage};
-use crate::progress::{self, Progress};
 use crate::query::AnswerSource;
 use crate::query::client;
+use crate::words::output::one_line;
+use crate::words::progress::{self, Progress};
 
 use super::{BatchArgs, Global, options_of, print, print_text, scene, shown};
-use crate::output::{agreeing, counted};
+use crate::words::output::{agreeing, counted};
 
 /// A scene in the output of a dry run.
 #[derive(Serialize)]

@@ -3,23 +3,23 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use gprop_kernels::bounds::longest_side;
+use crate::gaussians::bounds::longest_side;
 use serde_json::Value;
 
 use crate::consensus::Asked;
 use crate::error::Error;
 use crate::grasp::GraspReport;
-use crate::output::one_line;
-use crate::output::{agreeing, counted, thousands};
-use crate::part_name::part_name;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage};
 use crate::query::{Answers, Outcome};
-use crate::readable::significant;
 use crate::report::{grasp_line, mass_line, part_lines, size_line};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
+use crate::words::output::one_line;
+use crate::words::output::{agreeing, counted, thousands};
+use crate::words::part_name::part_name;
+use crate::words::readable::significant;
 use crate::workdir::Artifact;
 
 use super::shown;

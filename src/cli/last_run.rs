@@ -18,8 +18,8 @@ use std::path::{Path, PathBuf};
 use clap::ArgMatches;
 
 use crate::config::{self, ConfigError, Flag, Owner};
-use crate::output::one_line;
 use crate::pipeline::{self, FieldFlags, Options, Plan, Stage, work_folder};
+use crate::words::output::one_line;
 use crate::workdir::{self, Artifact};
 
 use super::Global;

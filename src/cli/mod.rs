@@ -30,8 +30,9 @@ use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::error::UsageError;
 use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
-use crate::progress::Progress;
-use crate::{config, exit, inspect, output};
+use crate::words::output;
+use crate::words::progress::Progress;
+use crate::{config, exit, inspect};
 use arguments::{
     BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
     Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,

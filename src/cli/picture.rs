@@ -2,8 +2,8 @@
 
 use crate::config::in_json;
 use crate::error::UsageError;
-use crate::output::counted;
 use crate::pipeline::picture::Picture;
+use crate::words::output::counted;
 use crate::workdir::Artifact;
 
 use super::{Global, SceneArgs, WorkArgs, print, shown};

@@ -5,18 +5,18 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::error::UsageError;
-use crate::output::one_line;
 use crate::pipeline::Stage;
 use crate::pipeline::picture::Picture;
 use crate::pipeline::query_session::{Pruned, QuerySession};
 use crate::query::QueryError;
 use crate::query::exchange::{BadLine, Imported};
+use crate::words::output::one_line;
 use crate::workdir::Artifact;
 
 use super::arguments::BatchApiStep;
 use super::{Global, QueryArgs, print, shown};
 use super::{picture, scene};
-use crate::output::counted;
+use crate::words::output::counted;
 
 /// The actions on questions other than answering them.
 enum QueryAction<'a> {

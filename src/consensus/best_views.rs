@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::Parts;
 use super::masks::PartMasks;
 use crate::camera::Camera;
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 use crate::segment::LabelMap;
 
 /// A view shows a part if this many of the part's pixels lie inside its mask, not on the mask's edge: a line two pixels

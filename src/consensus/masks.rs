@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use super::{Parts, SegmentedView};
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
 use crate::render::{RenderOptions, render_labels};
-use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
 
 /// If at least this share of a segment's pixels shows one part, the part takes over the segment's border.

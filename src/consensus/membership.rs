@@ -1,8 +1,8 @@
 //! The light of every Gaussian in each segment of one view.
 
 use super::SegmentedView;
+use crate::gaussians::Gaussians;
 use crate::render::{Projected, RenderOptions, contributions};
-use crate::scene::gaussians::Gaussians;
 
 /// A view sees a Gaussian that has more light than this in it, in pixels. It counts for a pair if it sees both.
 pub(super) const SEEN_LIGHT: f32 = 0.3;

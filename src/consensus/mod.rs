@@ -34,10 +34,10 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
-use crate::progress::Progress;
-use crate::scene::gaussians::Gaussians;
-use crate::scene::nearest::Nearest;
+use crate::gaussians::Gaussians;
+use crate::numeric::nearest::Nearest;
 use crate::segment::ViewSegments;
+use crate::words::progress::Progress;
 use evidence::Evidence;
 use linkage::{Border, NONE, link};
 use membership::Membership;

@@ -2,8 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::scene::gaussians::Gaussians;
-use crate::scene::nearest::Nearest;
+use crate::gaussians::Gaussians;
+use crate::numeric::nearest::Nearest;
 
 /// Number of nearest neighbours of each Gaussian.
 const NEAR: usize = 6;

@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
-use crate::option_values::{self, from_to};
+use crate::config::option_values::{self, from_to};
 
 /// Three answers have a majority, and three directions show a part from most sides.
 const ASK_VIEWS: NonZeroUsize = NonZeroUsize::new(3).expect("three is not zero");

@@ -7,8 +7,8 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::linkage::{Border, NONE};
-use crate::scene::gaussians::Gaussians;
-use crate::scene::nearest::Nearest;
+use crate::gaussians::Gaussians;
+use crate::numeric::nearest::Nearest;
 
 /// A plane goes through up to [`MOST`] Gaussians of the same piece, found among this many nearest ones.
 const OF_NEAREST: usize = 48;

@@ -5,7 +5,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::simulation::{SimulationError, raise};
-use crate::npz::Npz;
+use crate::files::npz::Npz;
 use crate::simulate::compat::config::Filling;
 use crate::simulate::compat::filling::{Blob, fill, volumes};
 
@@ -139,7 +139,7 @@ mod tests {
     use zip::write::SimpleFileOptions;
 
     use super::*;
-    use crate::npy::write_npy;
+    use crate::files::npy::write_npy;
 
     /// A reference without particles: its arrays have 2 x 2 x 2 cells, its settings say `side` cells each way.
     fn reference(side: usize, density: [f32; 8]) -> Npz {

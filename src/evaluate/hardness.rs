@@ -12,8 +12,8 @@ use super::EvaluateError;
 use super::scores::{Pair, Scores};
 use crate::camera::Camera;
 use crate::files;
+use crate::gaussians::Gaussians;
 use crate::render::{RenderOptions, render_labels};
-use crate::scene::gaussians::Gaussians;
 use crate::units::{ShoreHardness, ShoreScale};
 use crate::vote::MaterialField;
 

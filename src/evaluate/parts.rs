@@ -7,10 +7,10 @@ use image::GrayImage;
 use serde::Serialize;
 
 use crate::camera::Camera;
-use crate::output::{counted, one_line};
+use crate::gaussians::Gaussians;
 use crate::render::{RenderOptions, render_labels};
-use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
+use crate::words::output::{counted, one_line};
 
 /// Value in a true part map for pixels without a part.
 pub const NO_PART: u8 = 255;

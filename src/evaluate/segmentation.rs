@@ -7,10 +7,10 @@ use serde::Serialize;
 
 use super::vocabulary::Vocabulary;
 use crate::camera::Camera;
-use crate::output::one_line;
+use crate::gaussians::Gaussians;
 use crate::render::{RenderOptions, render_labelings};
-use crate::scene::gaussians::Gaussians;
 use crate::vote::MaterialField;
+use crate::words::output::one_line;
 
 /// Pixels counted over any number of views, by label.
 #[derive(Debug, Clone, PartialEq)]

@@ -9,13 +9,13 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
-use crate::npz::{Npz, NpzError};
-use crate::progress::Progress;
+use crate::files::npz::{Npz, NpzError};
 use crate::simulate::SimulateError;
 use crate::simulate::compat::config::Config;
 use crate::simulate::compat::particle::Particle;
 use crate::simulate::compat::solver::{Lost, Solver};
 use crate::simulate::compat::strength_at;
+use crate::words::progress::Progress;
 
 /// Why a comparison could not be made.
 #[derive(Debug, thiserror::Error)]

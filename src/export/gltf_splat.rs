@@ -6,7 +6,7 @@ use serde_json::{Map, json};
 
 use super::gltf::Gltf;
 use super::{ExportError, Files, Model, identifier};
-use crate::scene::gaussians::SH_C0;
+use crate::gaussians::SH_C0;
 
 const EXTENSION: &str = "KHR_gaussian_splatting";
 

@@ -29,9 +29,9 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
 use crate::grasp::candidates::Candidate;
 use crate::parts::{Interior, Parts, PartsError};
-use crate::scene::gaussians::Gaussians;
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 use crate::workdir::write_atomic;

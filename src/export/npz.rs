@@ -8,7 +8,7 @@ use zip::write::SimpleFileOptions;
 use zip::{DateTime, ZipWriter};
 
 use super::{ExportError, Files, Model, identifier};
-use crate::npy::{Number, write_npy};
+use crate::files::npy::{Number, write_npy};
 use crate::units::{Estimate, ScaleSource};
 use crate::vote::{FieldLabel, field_ply};
 

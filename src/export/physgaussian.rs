@@ -8,7 +8,7 @@
 use serde_json::{Value, json};
 
 use super::{ExportError, Files, Model, identifier};
-use crate::scene::ply;
+use crate::scene::splat::ply;
 use crate::simulate::compat::estimated::Estimated;
 use crate::simulate::material::{SOFT_PA, Soften};
 use crate::vote::field_ply;
@@ -27,7 +27,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     })?;
     let all = field_ply::columns(model.field);
     let columns: Vec<_> = COLUMNS.iter().filter_map(|name| all.iter().find(|c| c.name == *name).cloned()).collect();
-    let bare = crate::scene::gaussians::Gaussians { extra: Vec::new(), ..model.gaussians.clone() };
+    let bare = crate::gaussians::Gaussians { extra: Vec::new(), ..model.gaussians.clone() };
     files.write(format!("{folder}/{CLOUD}"), |out| ply::write(out, &bare, &columns))
 }
 

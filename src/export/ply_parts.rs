@@ -3,8 +3,8 @@
 //! captions stay.
 
 use super::{ExportError, Files, Model, identifier};
-use crate::scene::gaussians::ExtraProperty;
-use crate::scene::ply;
+use crate::gaussians::ExtraProperty;
+use crate::scene::splat::ply;
 use crate::vote::field_ply;
 
 /// Most bytes of a caption in a file's name: a model may write a paragraph, and file systems allow 255 bytes.

@@ -17,7 +17,7 @@ use image::RgbImage;
 
 use serde::{Serialize, Serializer};
 
-use crate::option_values::from_to;
+use crate::config::option_values::from_to;
 use gif::Gif;
 use mp4::Mp4;
 

@@ -9,11 +9,11 @@ use image::{Rgba, RgbaImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::camera::{Camera, Distortion, Intrinsics};
+use crate::gaussians::Gaussians;
 use crate::numeric::{sphere_directions, upper_median};
-use crate::output::{agreeing, counted};
 use crate::render::{Render, RenderOptions, render};
-use crate::scene::gaussians::Gaussians;
 use crate::scene::{Bounds, Scene, Upright, View};
+use crate::words::output::{agreeing, counted};
 use crate::workdir::{Checksum, read_json, write_atomic};
 
 /// Side of the pictures in pixels.

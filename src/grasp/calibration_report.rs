@@ -8,7 +8,7 @@ use super::GraspError;
 use super::calibration::{CalibrationPoint, Fit};
 use super::gripper::GripperProfile;
 use crate::files;
-use crate::plots::{self, Mark, Panel, Series};
+use crate::pictures::plots::{self, Mark, Panel, Series};
 
 /// A fit together with its measurements.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::GraspError;
-use crate::part_name::part_name;
 use crate::parts::{Part, Parts};
+use crate::words::part_name::part_name;
 
 /// How the part was chosen.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

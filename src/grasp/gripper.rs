@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::GraspError;
 use super::calibration::{CalibrationPoint, Fit};
 use crate::files;
-use crate::output::toml_problem;
+use crate::words::output::toml_problem;
 
 /// The built-in profiles, by name.
 const BUILTIN: [(&str, &str); 3] = [

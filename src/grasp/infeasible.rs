@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::candidates::Candidate;
 use super::{GripperProfile, Limit, Options, Reason};
-use crate::readable::significant;
+use crate::words::readable::significant;
 
 /// Why a grasp is not safe, in words.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

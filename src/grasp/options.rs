@@ -7,7 +7,7 @@ use super::GraspError;
 use super::curvature;
 use super::gripper::GripperProfile;
 use crate::config::SceneKey;
-use crate::option_values;
+use crate::config::option_values;
 use crate::units::Estimate;
 
 /// A radius of a micrometre.

@@ -9,14 +9,14 @@ use super::candidates::Candidate;
 use super::fingers::{FINGER_LENGTH_M, FINGER_THICKNESS_M, OrientedBox, PALM_M, hand};
 use super::{GraspReport, Limit};
 use crate::camera::{Camera, Distortion, Intrinsics};
+use crate::gaussians::{Gaussians, SH_C0};
 use crate::lettering::Style;
-use crate::part_name::part_name;
 use crate::pictures::panels::{Entry, Key, Panel, compose};
 use crate::pictures::{palette, strokes};
-use crate::readable::significant;
 use crate::render::{RenderOptions, render, render_labels};
-use crate::scene::gaussians::{Gaussians, SH_C0};
 use crate::scene::robust_bounds;
+use crate::words::part_name::part_name;
+use crate::words::readable::significant;
 
 /// Gaussians along a finger's side.
 const PER_SIDE: f64 = 8.0;

@@ -9,9 +9,9 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
 use crate::render::depth_test::DepthTest;
 use crate::render::{Projected, Render, RenderOptions};
-use crate::scene::gaussians::Gaussians;
 
 /// A Gaussian fainter than this is not a surface.
 const OPACITY_MIN: f64 = 0.3;

@@ -4,9 +4,9 @@ use image::{GrayImage, Rgb, RgbImage};
 
 use super::ViewFit;
 use crate::from_splat::foreground;
-use crate::progress::Progress;
 use crate::render::{FOREGROUND_ALPHA, Render, RenderOptions, render};
 use crate::scene::{ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
+use crate::words::progress::Progress;
 
 /// The least value of a pixel that is at least half covered by the object.
 const HALF: u8 = 128;

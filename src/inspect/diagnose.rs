@@ -10,10 +10,10 @@ use serde::Serialize;
 
 use super::verdict::{Small, Verdict, correlation, picture, small_views};
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::RenderOptions;
-use crate::scene::align::{Conversion, Reading, SignedPermutation};
-use crate::scene::gaussians::Gaussians;
+use crate::scene::cameras::align::{Conversion, Reading, SignedPermutation};
 use crate::scene::{Scene, SceneError, View};
 
 /// A conversion that makes the photos fit.

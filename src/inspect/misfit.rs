@@ -8,9 +8,9 @@ use rayon::prelude::*;
 
 use super::compare::{covered, overlap};
 use super::verdict;
+use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
-use crate::scene::gaussians::Gaussians;
 use crate::scene::{Scene, SceneError, View};
 
 /// Number of views looked at.

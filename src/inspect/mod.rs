@@ -22,10 +22,10 @@ use serde::Serialize;
 
 use crate::error::UsageError;
 use crate::from_splat::photo_with_foreground;
-use crate::output::one_line;
-use crate::progress::Progress;
 use crate::scene::{self, Bounds, ForegroundSource, ObjectSource, Options, Scene, SceneError, View};
 use crate::units::MetricScale;
+use crate::words::output::one_line;
+use crate::words::progress::Progress;
 use crate::workdir::write_atomic;
 pub use diagnose::Suggestion;
 pub use misfit::misfit;

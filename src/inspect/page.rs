@@ -12,9 +12,9 @@ use minijinja::{AutoEscape, Environment, Value, context};
 use super::compare::as_the_splat_shows;
 use super::{Inspection, text};
 use crate::from_splat::photo_with_foreground;
-use crate::output::one_line;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
+use crate::words::output::one_line;
 
 /// Longest side of a picture in pixels: three fit side by side on a screen.
 const LONGEST_SIDE: u32 = 480;

@@ -3,8 +3,8 @@
 use std::fmt::Write;
 
 use super::{Inspection, ViewFit};
-use crate::output::{counted, one_line};
 use crate::scene::{ForegroundSource, ObjectSource};
+use crate::words::output::{counted, one_line};
 
 /// Maximum number of views listed one by one; the rest are summarised.
 const LISTED_VIEWS: usize = 12;

@@ -7,9 +7,9 @@ use rayon::prelude::*;
 use super::ViewFit;
 use super::compare::as_the_splat_shows;
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
-use crate::scene::gaussians::Gaussians;
 use crate::scene::{Scene, SceneError, View};
 
 /// Longest side of the small pictures in pixels.

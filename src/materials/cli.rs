@@ -8,8 +8,8 @@ use super::bibliography::{RULE, Reference, Rule, split_citation};
 use super::check::{Finding, Severity, check};
 use super::stats::{Provenance, Shares, stats};
 use super::{Labels, Law, Material, MaterialLibrary, StrengthKind};
-use crate::output::{agreeing, counted};
 use crate::units::{Range, ShoreHardness};
+use crate::words::output::{agreeing, counted};
 
 /// A material found by name, as `show --json` prints it: SI, ranges as `[low, high]`.
 #[derive(Debug, Clone, PartialEq, Serialize)]

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{LibraryError, MaterialLibrary};
 use crate::config::SceneKey;
-use crate::option_values;
+use crate::config::option_values;
 
 /// The keys that a scene may set: a library with the scene's own materials.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::path("materials")];

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 
 /// Two Gaussians are connected if their voxels touch; a voxel's side is the diagonal of the cloud divided by this.
 const VOXELS_PER_DIAGONAL: f64 = 64.0;

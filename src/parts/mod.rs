@@ -26,13 +26,13 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
-use crate::output::{agreeing, counted};
-use crate::progress::Progress;
+use crate::gaussians::Gaussians;
 use crate::query::Form;
-use crate::readable::significant;
-use crate::scene::gaussians::Gaussians;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Contents, FieldLabel, MaterialField};
+use crate::words::output::{agreeing, counted};
+use crate::words::progress::Progress;
+use crate::words::readable::significant;
 pub(crate) use clean::without_floaters;
 use compose::{Composed, Construction, thickness, wire};
 pub use error::PartsError;

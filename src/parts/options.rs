@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::PartsError;
 use crate::config::SceneKey;
-use crate::option_values::{self, with_unit};
+use crate::config::option_values::{self, with_unit};
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;

@@ -6,8 +6,8 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::mass::unknowns::Source;
-use crate::readable::significant;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
+use crate::words::readable::significant;
 
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

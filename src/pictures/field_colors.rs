@@ -1,7 +1,7 @@
 //! The material field as colours of the Gaussians.
 
 use super::palette;
-use crate::scene::gaussians::{Gaussians, SH_C0};
+use crate::gaussians::{Gaussians, SH_C0};
 use crate::vote::field_ply::material_names;
 use crate::vote::{FieldLabel, MaterialField};
 

@@ -10,8 +10,8 @@ use super::panels::{Panel, compose};
 use super::property::Property;
 use super::{field_colors, legends, palette, strokes};
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
 use crate::scene::Photo;
-use crate::scene::gaussians::Gaussians;
 use crate::vote::MaterialField;
 
 /// Longest side of a panel, px.

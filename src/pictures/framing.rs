@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use image::{DynamicImage, RgbImage, imageops};
 
 use crate::camera::{Camera, Intrinsics};
-use crate::query::sheet::panel::{Area, bounding_box};
+use crate::gaussians::Gaussians;
+use crate::query::question::sheet::panel::{Area, bounding_box};
 use crate::render::{Colors, FOREGROUND_ALPHA, RenderOptions, render, render_labels};
 use crate::scene::Photo;
-use crate::scene::gaussians::Gaussians;
 
 /// Longest side of the pictures that measure how much a camera sees, px.
 const LOOK_PX: u32 = 160;

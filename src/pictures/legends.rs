@@ -2,8 +2,8 @@
 
 use super::palette;
 use super::panels::{Entry, Key};
-use crate::part_name::part_name;
 use crate::vote::{FieldLabel, MaterialField, field_ply};
+use crate::words::part_name::part_name;
 
 /// The parts with their numbers.
 pub fn parts(field: &MaterialField) -> Vec<Entry> {

@@ -13,6 +13,7 @@ mod legends;
 pub mod material_map;
 pub mod palette;
 pub(crate) mod panels;
+pub mod plots;
 pub mod property;
 pub mod segmented;
 pub(crate) mod strokes;

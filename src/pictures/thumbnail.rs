@@ -3,8 +3,8 @@
 use image::{GenericImage, ImageResult, Rgb, RgbImage};
 
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
 use crate::scene::Photo;
-use crate::scene::gaussians::Gaussians;
 use crate::vote::MaterialField;
 
 use super::framing::Framing;

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 
+use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
 use crate::query::question::About;
-use crate::query::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
 use crate::query::{Answers, Outcome, SegmentAnswer};
 use crate::scene::ScaleChoice;
 use crate::segment::{LabelMap, ViewSegments};

@@ -8,17 +8,17 @@ use std::path::PathBuf;
 use anyhow::Result;
 use serde::Serialize;
 
-use crate::output::counted;
-use crate::progress;
 use crate::query::answer::Unknown;
-use crate::query::asker::{Ask, AskError, Asker};
+use crate::query::ask::asker::{Ask, AskError, Asker};
+use crate::query::ask::budget::Budget;
+use crate::query::ask::cost::Cost;
 use crate::query::batch_api::{self, Answered, BatchApiJob, Ended, JobProgress, Request, Submitted, Waiting};
-use crate::query::budget::Budget;
 use crate::query::client::{Client, ClientError};
-use crate::query::cost::Cost;
 use crate::query::question::Question;
 use crate::query::recorded::{Answerer, Recording, Who, key};
 use crate::query::{Failure, Outcome, Queries, QueryError, SegmentQuery, Sha256Hex};
+use crate::words::output::counted;
+use crate::words::progress;
 use crate::workdir::Artifact;
 
 use super::query_session::QuerySession;

@@ -7,7 +7,7 @@ use anyhow::Result;
 use super::{Options, Pipeline, Plan, Stage, work_folder};
 use crate::error::Error;
 use crate::grasp::gripper::GripperProfile;
-use crate::progress::Progress;
+use crate::words::progress::Progress;
 use crate::workdir::{self, WorkDir};
 
 /// Settings for opening a [`Pipeline`]; from [`Pipeline::builder`].

@@ -7,15 +7,15 @@ use anyhow::{Context, Result};
 
 use crate::error::UsageError;
 use crate::files;
-use crate::progress::Progress;
-use crate::scene::gaussians::Gaussians;
-use crate::scene::ply;
+use crate::gaussians::Gaussians;
+use crate::scene::splat::ply;
 use crate::simulate::compat::config::Config;
 use crate::simulate::compat::estimated::Estimated;
 use crate::simulate::compat::particle::Particle;
 use crate::simulate::compat::{self, CompatReport};
 use crate::simulate::material::SOFT_PA;
 use crate::simulate::states;
+use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, WorkDir};
 
 use super::Pipeline;

@@ -7,10 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::consensus::masks::{PartMasks, part_masks};
 use crate::consensus::{self, Asked, Part, Parts, SegmentedView};
-use crate::npz::NpzWriter;
-use crate::output::{agreeing, counted};
+use crate::files::npz::NpzWriter;
 use crate::scene::View;
 use crate::segment::LabelMap;
+use crate::words::output::{agreeing, counted};
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, get_or_load};

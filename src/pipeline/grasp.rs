@@ -3,10 +3,10 @@
 
 use anyhow::Result;
 
+use crate::gaussians::Gaussians;
 use crate::grasp::surface::Surface;
 use crate::grasp::{self, GraspReport};
 use crate::parts::{PartsError, without_floaters};
-use crate::scene::gaussians::Gaussians;
 use crate::workdir::Artifact;
 
 use super::{Done, Pipeline, Stage, png};

@@ -11,7 +11,7 @@ use serde::Serialize;
 
 use crate::config::{self, SceneKey};
 use crate::error::{Error, UsageError};
-use crate::output;
+use crate::words::output;
 
 use super::preset::Preset;
 

@@ -10,12 +10,12 @@ use tracing::info;
 use crate::error::UsageError;
 use crate::materials::MaterialLibrary;
 use crate::pictures::material_map;
-use crate::progress::Progress;
 use crate::query::Answers;
+use crate::query::ask::rounds::Subject;
 use crate::query::question::About;
-use crate::query::rounds::Subject;
 use crate::scene::Photo;
 use crate::segment::{self, LabelMap, SegmentError, ViewSegments, segment_views};
+use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
 use super::query::write_sheets;

@@ -9,14 +9,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::consensus::Asked;
 use crate::from_splat::photo_with_foreground;
-use crate::output::{agreeing, counted};
-use crate::part_name::part_name;
 use crate::query::{
     AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Queries, SegmentAnswer, SizeAnswer, SizeOutcome,
     SizeQuery,
 };
 use crate::scene::ScaleChoice;
 use crate::units::{MetricScale, Range};
+use crate::words::output::{agreeing, counted};
+use crate::words::part_name::part_name;
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::query_session::{self, QuerySession, QueryView};

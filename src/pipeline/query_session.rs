@@ -10,23 +10,23 @@ use serde::Serialize;
 
 use crate::error::UsageError;
 use crate::files;
+use crate::files::read_scope::ReadScope;
 use crate::materials::MaterialLibrary;
-use crate::progress::{self, Progress};
-use crate::query::asker::Asker;
-use crate::query::budget::Budget;
+use crate::query::ask::asker::Asker;
+use crate::query::ask::budget::Budget;
+use crate::query::ask::cost::{Price, PriceTable};
+use crate::query::ask::rounds::{Outcomes, Subject, Target};
 use crate::query::client::{ApiKey, Client};
-use crate::query::cost::{Price, PriceTable};
 use crate::query::exchange::{self, Imported};
 use crate::query::question::About;
 use crate::query::recorded::{Answerer, Recordings};
-use crate::query::rounds::{Outcomes, Subject, Target};
 use crate::query::{
     Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, SegmentQuery, SizeAnswer, SizeQuery, ViewInput,
 };
-use crate::read_scope::ReadScope;
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
 use crate::setup::Offline;
+use crate::words::progress::{self, Progress};
 use crate::workdir::{self, WorkDir};
 
 /// Recordings are stored beside their scene or picture, so that they are copied together with it.

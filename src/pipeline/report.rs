@@ -3,8 +3,8 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+use crate::gaussians::bounds::longest_side;
 use anyhow::Result;
-use gprop_kernels::bounds::longest_side;
 use nalgebra::Point3;
 use rayon::prelude::*;
 

@@ -11,11 +11,11 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Intrinsics;
 use crate::error::UsageError;
 use crate::from_splat::photo_with_foreground;
-use crate::progress::Progress;
 use crate::scene::{Upright, View};
 use crate::segment::formats::{Format, coco, file_of_view, import_view};
 use crate::segment::sam::model_digest;
 use crate::segment::{LabelMap, Segment, Segmentation, Segmenter, ViewSegments, segment_views};
+use crate::words::progress::Progress;
 use crate::workdir::{Artifact, Checksum, WorkDir, WorkDirError};
 use crate::{segment, setup};
 

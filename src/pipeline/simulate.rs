@@ -8,8 +8,9 @@ use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::error::UsageError;
-use crate::scene::gaussians::Gaussians;
-use crate::scene::{self, ply};
+use crate::gaussians::Gaussians;
+use crate::scene;
+use crate::scene::splat::ply;
 use crate::simulate::animation::{Film, Shooting};
 use crate::simulate::checkpoint::{Checkpoint, Snapshot};
 use crate::simulate::filling::FillPoint;

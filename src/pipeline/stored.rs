@@ -10,16 +10,17 @@ use anyhow::Result;
 use serde::de::DeserializeOwned;
 
 use crate::config;
+use crate::gaussians::Gaussians;
 use crate::grasp::gripper::GripperProfile;
 use crate::parts::Parts;
-use crate::progress::Progress;
 use crate::query::LabelSet;
-use crate::scene::gaussians::Gaussians;
-use crate::scene::{ScaleChoice, SceneError, View, outliers};
+use crate::scene::object::outliers;
+use crate::scene::{ScaleChoice, SceneError, View};
 use crate::segment::ViewSegments;
 use crate::setup;
 use crate::units::MetricScale;
 use crate::vote::MaterialField;
+use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, Standing, WorkDir, WorkDirError};
 
 use super::parts::scale_after_weighing;

@@ -8,14 +8,15 @@ use anyhow::Result;
 use image::RgbImage;
 
 use crate::from_splat::photo_with_foreground;
-use crate::output::counted;
+use crate::gaussians::Gaussians;
 use crate::pictures::figure::{self, Shown, Subject};
 use crate::pictures::{field_colors, framing, thumbnail};
 use crate::query::Answers;
-use crate::scene::gaussians::Gaussians;
-use crate::scene::{View, ply};
+use crate::scene::View;
+use crate::scene::splat::ply;
 use crate::segment::LabelMap;
 use crate::vote::{FieldLabel, MaterialField, ViewInput, field_ply, vote, vote_on_parts};
+use crate::words::output::counted;
 use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::{Done, Pipeline, Stage, get_or_load, png};

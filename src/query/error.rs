@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::asker::AskError;
-use super::budget::Spent;
-use super::prompt::PromptError;
 use super::recorded::{Miss, RecordingError};
 use super::{Answers, Failure, Outcome};
-use crate::output;
+use crate::query::ask::asker::AskError;
+use crate::query::ask::budget::Spent;
+use crate::query::question::prompt::PromptError;
+use crate::words::output;
 
 /// Why the query stage ends without answers.
 #[derive(Debug, thiserror::Error)]

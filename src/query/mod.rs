@@ -1,47 +1,31 @@
 //! Asks what each part or segment is made of: a sheet and a prompt for a large multimodal model, whose answers are
 //! checked and recorded.
 //!
-//! [`rounds`] decides what to ask next. [`Queries::prepare`] draws the [`sheet`]s and writes the [`question`]s.
-//! [`Queries::run`] is the stage: it takes answers from the [recordings](recorded) if there are any, asks an [`asker`]
-//! (the [`client`] of a server) for the rest, and checks every response against the [`schema`] and the material library
+//! [`ask::rounds`] decides what to ask next. [`Queries::prepare`] draws the [sheet](question::sheet)s and writes the [`question`]s.
+//! [`Queries::run`] is the stage: it takes answers from the [recordings](recorded) if there are any, asks an [asker](ask::asker)
+//! (the [`client`] of a server) for the rest, and checks every response against the [schema](question::schema) and the material library
 //! ([`answer`]). [`exchange`] exports the questions and imports the answers of people and other programs.
 
 pub mod answer;
-pub mod asker;
+pub mod ask;
 pub mod batch_api;
-pub mod budget;
 pub mod client;
-pub mod cost;
 mod error;
 pub mod exchange;
-mod extract;
-mod jsonl;
-mod labels;
-mod live;
 mod options;
-mod prompt;
-mod queries;
 pub mod question;
 pub mod recorded;
-mod replay;
-pub mod rounds;
-mod run;
-pub mod schema;
-mod segment_query;
-mod sha256;
-pub mod sheet;
-mod size;
 
+pub use answer::jsonl::AnswersError;
+pub use answer::labels::{LabelSet, LabelsError};
+pub use ask::queries::{Queries, ViewInput};
+pub use ask::run::{Preview, Run};
+pub use ask::size::{Size, SizeAnswer, SizeOutcome, SizeQuery};
 pub use error::{MissingSegment, QueryError};
-pub use jsonl::AnswersError;
-pub use labels::{LabelSet, LabelsError};
 pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
-pub use prompt::{PromptError, Prompts};
-pub use queries::{Queries, ViewInput};
-pub use run::{Preview, Run};
-pub use segment_query::SegmentQuery;
-pub use sha256::Sha256Hex;
-pub use size::{Size, SizeAnswer, SizeOutcome, SizeQuery};
+pub use question::prompt::{PromptError, Prompts};
+pub use question::segment_query::SegmentQuery;
+pub use recorded::sha256::Sha256Hex;
 
 use serde::{Deserialize, Serialize};
 

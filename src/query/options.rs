@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 
-use super::labels::LabelSet;
-pub use super::sheet::Context;
 use crate::config::SceneKey;
-use crate::option_values::{self, from_to};
+use crate::config::option_values::{self, from_to};
+use crate::query::answer::labels::LabelSet;
+pub use crate::query::question::sheet::Context;
 
 /// Longest side of a sheet in pixels: three 512-pixel panels in a row, the tile size that vision models bill by.
 const SHEET_SIZE: u32 = 1536;

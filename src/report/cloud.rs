@@ -6,8 +6,8 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 use nalgebra::Point3;
 
-use crate::scene::gaussians::Gaussians;
-use crate::scene::gaussians::SH_C0;
+use crate::gaussians::Gaussians;
+use crate::gaussians::SH_C0;
 use crate::scene::{Bounds, robust_bounds};
 use crate::vote::MaterialField;
 

@@ -3,7 +3,7 @@
 use minijinja::{Value, context};
 
 use crate::grasp::{GraspReport, Reason};
-use crate::readable::significant;
+use crate::words::readable::significant;
 
 /// The scale ends at this many times the larger of F_min and F*, so that there is room beside the mark; or a tenth beyond
 /// F_max if that is less.

@@ -7,9 +7,9 @@ use image::{ImageError, ImageFormat, ImageReader, ImageResult, RgbImage};
 
 use crate::files;
 
+use crate::gaussians::Gaussians;
 use crate::pictures::{field_colors, jpeg, labels_of_segments, palette, tinted};
 use crate::render::{Colors, RenderOptions, render, render_labels};
-use crate::scene::gaussians::Gaussians;
 use crate::scene::{SceneError, View};
 use crate::segment::LabelMap;
 use crate::vote::MaterialField;

@@ -5,12 +5,12 @@ use std::path::Path;
 
 use super::Report;
 use crate::grasp::GraspReport;
-use crate::output::{counted, one_line};
-use crate::part_name::part_name;
 use crate::parts::Parts;
-use crate::readable::{Figures, figures, mass, significant};
 use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::FieldLabel;
+use crate::words::output::{counted, one_line};
+use crate::words::part_name::part_name;
+use crate::words::readable::{Figures, figures, mass, significant};
 
 /// A few lines: the parts, the object, the grasp, the path of the report.
 pub fn summary(report: &Report, report_page: &Path) -> String {

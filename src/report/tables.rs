@@ -6,10 +6,10 @@ use csv::WriterBuilder;
 
 use super::{Pictures, Report};
 use crate::grasp::candidates::Candidate;
-use crate::part_name::part_name;
 use crate::query::{Answers, Form, Outcome};
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::FieldLabel;
+use crate::words::part_name::part_name;
 
 /// A column: its heading, and the cell of each row.
 struct Column<'a, T> {

@@ -1,10 +1,10 @@
 //! Sentences about the object's mass: what it consists of besides the parts, where the width of its interval comes
 //! from, and what would narrow it.
 
-use crate::part_name::part_name;
 use crate::parts::{Parts, Source, Width};
-use crate::readable::{Figures, interval, mass, significant};
 use crate::units::Estimate;
+use crate::words::part_name::part_name;
+use crate::words::readable::{Figures, interval, mass, significant};
 
 /// A cause that widens an interval by less than this factor is not worth a sentence.
 const WORTH_SAYING: f64 = 1.05;

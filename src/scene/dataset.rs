@@ -15,10 +15,11 @@ use std::{fmt, fs};
 
 use serde::{Deserialize, Serialize};
 
-use super::{SceneError, cameras, splat_file};
+use super::{SceneError, cameras};
 use crate::files;
-use crate::output::{agreeing, counted};
+use crate::scene::splat::find as splat_file;
 use crate::units::{MetricScale, ScaleSource};
+use crate::words::output::{agreeing, counted};
 use crate::workdir::Artifact;
 
 const SPLITS: &str = "splits.json";

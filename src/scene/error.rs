@@ -5,10 +5,10 @@ use std::path::PathBuf;
 use thiserror::Error;
 
 use super::cameras::{FrameProblem, colmap};
-use super::outliers::AllSetAside;
-use super::ply::PlyError;
-use super::{ksplat, sog, splat, spz};
-use crate::output::counted;
+use super::splat::{dot_splat, ksplat, sog, spz};
+use crate::scene::object::outliers::AllSetAside;
+use crate::scene::splat::ply::PlyError;
+use crate::words::output::counted;
 
 /// The trainers whose splats gprop reads, and how each exports them.
 const TRAINERS: &str = "3DGS writes point_cloud/iteration_N/point_cloud.ply as it trains (point gprop at its output folder), \
@@ -177,7 +177,7 @@ pub enum SplatProblem {
     #[error(transparent)]
     Sog(#[from] sog::Problem),
     #[error(transparent)]
-    Splat(#[from] splat::Problem),
+    Splat(#[from] dot_splat::Problem),
     #[error(transparent)]
     Spz(#[from] spz::Problem),
 }

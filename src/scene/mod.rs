@@ -1,68 +1,48 @@
 //! The scene: Gaussians, calibrated photos, metric scale. All input about the scene is read here.
 //!
 //! [`load`] finds the splat, the cameras and the photos in a folder:
-//! 1. `splat_file` finds the file that holds the Gaussians; `splat_formats` selects its reader: [`ply`], [`spz`],
-//!    [`splat`], [`ksplat`] or [`sog`].
+//! 1. [`splat`] finds the file that holds the Gaussians and selects the reader of its format.
 //! 2. [`cameras`] finds and reads the camera file and matches each camera with its photo; `align` converts the cameras.
-//! 3. `object` separates the object's Gaussians from its surroundings; [`outliers`] finds those that cannot belong to
+//! 3. `object` separates the object's Gaussians from its surroundings; [outliers](object::outliers) finds those that cannot belong to
 //!    any object.
 //! 4. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is sought only by [`Scene::scale_in_photos`].
-//! 5. `up` warns if the cameras suggest that another axis than z points up.
+//! 5. `object::up` warns if the cameras suggest that another axis than z points up.
 //!
 //! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a
 //! data set.
 
-pub mod align;
-mod as_typed;
 pub mod cameras;
-mod choose;
 pub mod dataset;
 mod error;
-mod jpeg;
-pub mod ksplat;
-mod loaded;
-mod marker;
-pub mod nearest;
-mod object;
+pub mod object;
 mod options;
-pub mod outliers;
-mod photo;
-pub mod ply;
-mod quantized;
+mod photos;
 mod reference;
 mod scale;
-mod sharpness;
-pub mod sog;
 pub mod splat;
-mod splat_file;
-mod splat_formats;
-pub mod spz;
-mod up;
-mod view_names;
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use crate::camera::Camera;
 use crate::files;
+use crate::gaussians::Gaussians;
 use crate::units::MetricScale;
 use cameras::dataparser;
-use gaussians::Gaussians;
 
+pub use crate::gaussians::bounds::Bounds;
+pub(crate) use crate::gaussians::bounds::robust_bounds;
 pub use error::{SceneError, SplatProblem};
-pub use gprop_kernels::bounds::Bounds;
-pub(crate) use gprop_kernels::bounds::robust_bounds;
-pub use gprop_kernels::gaussians;
-pub use loaded::Loaded;
-pub use marker::Marker;
-pub use marker::board::svg as marker_board;
 pub use object::ObjectSource;
 pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
-pub use photo::{ForegroundSource, Photo, Upright};
+pub(crate) use photos::view_names::index_of;
+pub use photos::{ForegroundSource, Photo, Upright};
 pub use reference::Reference;
+pub use scale::marker::Marker;
+pub use scale::marker::board::svg as marker_board;
 pub use scale::{ScaleChoice, SizedMarker};
-pub use splat_formats::{SPLAT_FORMATS, SplatFormat};
-pub(crate) use view_names::index_of;
+pub use splat::Loaded;
+pub use splat::{SPLAT_FORMATS, SplatFormat};
 
 /// The largest error of a length that gives the scale, as a share of it: the scale's interval then ends at ten times the scale,
 /// and beyond any bound for larger errors. A side of the object with a larger error is refused; that of a marker is cut off.
@@ -150,7 +130,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let separated = object::separate(splat.gaussians, &views, options)?;
     found.notes.push(separated.note);
     let mut object = separated.object;
-    if let Some(set_aside) = outliers::set_aside(&mut object)? {
+    if let Some(set_aside) = object::outliers::set_aside(&mut object)? {
         let kind = if set_aside.are_few() { &mut found.notes } else { &mut found.warnings };
         kind.push(set_aside.to_string());
     }
@@ -163,7 +143,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     };
     let (scale, warning) = options.scale.metric_scale(&measured)?;
     found.warnings.extend(warning);
-    found.warnings.extend(up::warning(&views));
+    found.warnings.extend(object::up::warning(&views));
     Ok(Scene {
         name: name_of(folder),
         scale,
@@ -204,11 +184,11 @@ impl Default for Found {
 
 impl Found {
     fn splat(&mut self, folder: &Path, options: &Options) -> Result<PathBuf, SceneError> {
-        let splat_file::Found { path, others } = match &options.splat {
-            Some(path) => splat_file::Found { path: path.clone(), others: Vec::new() },
+        let splat::find::Found { path, others } = match &options.splat {
+            Some(path) => splat::find::Found { path: path.clone(), others: Vec::new() },
             None => {
                 let found =
-                    splat_file::find(folder).map_err(|error| dataset::instead_of_scene(folder).unwrap_or(error))?;
+                    splat::find::find(folder).map_err(|error| dataset::instead_of_scene(folder).unwrap_or(error))?;
                 let flag = Some(("--splat", found.path.as_path()));
                 let splat = Reference { what: "splat", path: &found.path, named_in: None, flag };
                 splat.check(&options.read_scope(folder))?;
@@ -221,7 +201,7 @@ impl Found {
     }
 
     fn read_splat(&mut self, path: &Path) -> Result<Loaded, SceneError> {
-        let mut splat = splat_formats::read(path)?;
+        let mut splat = splat::read(path)?;
         let prefixed = |text: String| format!("`{}`: {text}", path.display());
         self.notes.extend(std::mem::take(&mut splat.notes).into_iter().map(prefixed));
         self.warnings.extend(std::mem::take(&mut splat.warnings).into_iter().map(prefixed));

@@ -8,13 +8,13 @@ use std::str::FromStr;
 use nalgebra::Point3;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
-use super::align::Conversion;
-use super::as_typed::as_typed;
 use super::scale::{ScaleChoice, point};
 use crate::config::SceneKey;
-use crate::option_values::{self, from_to};
-use crate::read_scope::ReadScope;
-use gprop_kernels::bounds::Bounds;
+use crate::config::as_typed::as_typed;
+use crate::config::option_values::{self, from_to};
+use crate::files::read_scope::ReadScope;
+use crate::gaussians::bounds::Bounds;
+use crate::scene::cameras::align::Conversion;
 
 /// The keys that a scene may set: where its own files are, which views show it best, its frame, its object and its
 /// scale. Only the user may allow files outside its folder to be read.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::{Outside, SceneError};
-use crate::read_scope::ReadScope;
+use crate::files::read_scope::ReadScope;
 
 /// A file that a scene names or that was found in it.
 #[derive(Debug, Clone, Copy)]

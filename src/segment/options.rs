@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::Level;
 use super::formats::Format;
 use crate::config::SceneKey;
-use crate::option_values::{self, below, from_to};
+use crate::config::option_values::{self, below, from_to};
 
 /// The keys that a scene may set: those that decide how its photos are cut into segments. Only the user decides which
 /// additional formats are written and what is cached.

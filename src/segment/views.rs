@@ -10,8 +10,8 @@ use super::observer::Observer;
 use super::options::Options;
 use super::segmenter::Segmenter;
 use super::{Segmentation, ViewSegments};
-use crate::progress::{Progress, WHOLE};
 use crate::scene::Photo;
+use crate::words::progress::{Progress, WHOLE};
 
 /// Segments the named views on the ambient rayon pool. `load` reads a view's photo when its turn comes; `finished` gets
 /// each view as soon as it is done, in no particular order. The result is in the order of `names` and does not depend

@@ -16,8 +16,8 @@ use std::path::PathBuf;
 use serde::Serialize;
 
 use crate::config::SceneKey;
-use crate::option_values;
-use crate::progress::Progress;
+use crate::config::option_values;
+use crate::words::progress::Progress;
 use catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, Package, SAM};
 use fetch::Attempt;
 

@@ -9,11 +9,11 @@ use std::f64::consts::{PI, TAU};
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::mpm::Lost;
-use super::mpm::particles::Motion;
 use super::object::{Influence, Object};
 use super::rigid::body::{Body, Moments, Velocities};
 use super::rigid::coupling::Impulse;
+use crate::mpm::Lost;
+use crate::mpm::particles::Motion;
 
 /// The start and end of an action, s, and the particles it acts on.
 #[derive(Debug, Clone, PartialEq)]

@@ -11,9 +11,9 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::error::SimulateError;
-use super::mpm::particles::Particle;
 use super::object::Particles;
 use super::states;
+use crate::mpm::particles::Particle;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
 const VERSION: u32 = 4;

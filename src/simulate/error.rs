@@ -2,7 +2,7 @@
 
 use thiserror::Error;
 
-use crate::output::counted;
+use crate::words::output::counted;
 
 /// Why a simulation could not start or continue.
 #[derive(Debug, Error)]

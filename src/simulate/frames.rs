@@ -9,8 +9,8 @@ use rayon::prelude::*;
 
 use super::checkpoint::FrameSummary;
 use super::object::Particles;
+use crate::gaussians::Gaussians;
 use crate::render::sh_rotation;
-use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
 
 /// One moment of the simulation.

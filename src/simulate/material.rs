@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use super::error::SimulateError;
-use super::mpm::laws::snow::{self, Snow};
-use super::mpm::laws::{self, drucker_prager, von_mises};
 use crate::materials::Law;
+use crate::mpm::laws::snow::{self, Snow};
+use crate::mpm::laws::{self, drucker_prager, von_mises};
 use crate::vote::{FieldLabel, Filled};
 
 /// Materials with a larger Poisson's ratio are simulated with this one: towards 0.5 the bulk modulus, and with it the

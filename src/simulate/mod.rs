@@ -6,7 +6,7 @@
 //! 2. [`rigid::choice`]: the parts that move as rigid bodies;
 //! 3. [`material`]: what deforms, softened if it would take too long;
 //! 4. [`scenario`]: first pose, ground, domain;
-//! 5. [`object`] in substeps of [`time_step`], frame by frame: [`mpm`] for what deforms, [`rigid`] for the rest;
+//! 5. [`object`] in substeps of [`time_step`], frame by frame: [`mpm`](crate::mpm) for what deforms, [`rigid`] for the rest;
 //! 6. `frames`: the Gaussians moved, turned and stretched; a [`checkpoint`] with each.
 
 pub mod action;
@@ -28,21 +28,20 @@ mod setup;
 pub mod states;
 pub mod time_step;
 
-use crate::output::{agreeing, counted, thousands};
-use crate::progress::Progress;
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
+use crate::mpm::boundary::Boundary;
+use crate::mpm::particles::Particle;
+use crate::mpm::{Lost, Setting};
+use crate::words::output::{agreeing, counted, thousands};
+use crate::words::progress::Progress;
 use action::Acting;
-use boundary::Boundary;
 pub use checkpoint::FrameSummary;
 use checkpoint::{Checkpoint, Record, Snapshot};
 pub use error::SimulateError;
 use filling::FillPoint;
 pub use frames::Frame;
 use frames::ToWorld;
-pub use gprop_kernels::{boundary, mpm};
 use material::Material;
-use mpm::particles::Particle;
-use mpm::{Lost, Setting};
 use object::{Bodies, Object};
 pub use options::{Fillings, Ground, Options, SCENE_KEYS};
 pub use report::{RigidReport, SimulationReport, StepReport};
@@ -156,7 +155,8 @@ fn resumed(
 ) -> Result<(Record, Object), SimulateError> {
     // The solver looks up laws by their numbers, and builds a grid around all particles.
     let domain_m = setting.domain_m;
-    let fits = |(start, now): (&Particle, &Particle)| start.law == now.law && mpm::is_within(domain_m, now.position_m);
+    let fits =
+        |(start, now): (&Particle, &Particle)| start.law == now.law && crate::mpm::is_within(domain_m, now.position_m);
     if start.len() != checkpoint.particles.len() || !start.iter().zip(&checkpoint.particles).all(fits) {
         return Err(SimulateError::Checkpoint("the state of its particles is damaged".to_owned()));
     }

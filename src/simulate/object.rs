@@ -2,15 +2,15 @@
 
 use nalgebra::Vector3;
 
-use super::boundary::Boundary;
-use super::mpm::in_order::InOrder;
-use super::mpm::laws::Law;
-use super::mpm::particles::{Motion, Particle};
-use super::mpm::{DRIFT, Lost, Setting, Solver, is_within};
 use super::rigid::body::{Body, Moments, State, Velocities};
 use super::rigid::contact::Ground;
 use super::rigid::coupling::{self, Guest, Joints, Moving};
 use super::rigid::face::Face;
+use crate::mpm::boundary::Boundary;
+use crate::mpm::in_order::InOrder;
+use crate::mpm::laws::Law;
+use crate::mpm::particles::{Motion, Particle};
+use crate::mpm::{DRIFT, Lost, Setting, Solver, is_within};
 
 /// How the particles of an object belong together.
 #[derive(Debug, Clone, Default, PartialEq)]

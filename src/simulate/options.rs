@@ -3,12 +3,12 @@
 use serde::Serialize;
 
 use super::animation::Viewpoint;
-use super::boundary::Contact;
 use super::material::Soften;
 use super::rigid::choice;
 use super::script::{self, FULL_TURN, HIGHEST_DROP};
 use crate::config::SceneKey;
-use crate::option_values::{self, above, from_to};
+use crate::config::option_values::{self, above, from_to};
+use crate::mpm::boundary::Contact;
 
 /// The keys that a scene may set: what happens to its object and how it is filmed. How long the user is willing to wait
 /// and how large a film they want are not among them.

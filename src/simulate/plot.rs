@@ -1,7 +1,7 @@
 //! Plots energies and the centre of mass over time, as SVG.
 
 use super::{FrameSummary, SimulationReport};
-use crate::plots::{self, Mark, Panel, Series};
+use crate::pictures::plots::{self, Mark, Panel, Series};
 
 /// The upper plot shows kinetic, potential and elastic energy and their sum, in J; the potential energy is measured from
 /// the ground. The lower plot shows the centre of mass, in m from its start.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::checkpoint::FrameSummary;
 use super::material::{PoissonCapped, Softened};
 use super::rigid::choice::Reason;
-use crate::output::{agreeing, counted};
+use crate::words::output::{agreeing, counted};
 
 /// The simulation and its result. Written as `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

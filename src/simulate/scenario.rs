@@ -6,7 +6,7 @@
 
 use nalgebra::{Rotation3, Vector3};
 
-use super::boundary::{Boundary, Contact};
+use crate::mpm::boundary::{Boundary, Contact};
 use crate::scene::Bounds;
 
 /// Share of the tilt about the other horizontal axis.
@@ -19,7 +19,7 @@ pub const CONTACT_DEPTH_CELLS: f64 = 0.9;
 
 /// Space around the object, in multiples of its longest side: how far it may roll before the run stops. It costs
 /// no memory, because the grid surrounds only the object. Positions far from the origin are rounded to a coarser step, but
-/// moves add up correctly: see [`Particle::compensation_m`](super::mpm::particles::Particle::compensation_m).
+/// moves add up correctly: see [`Particle::compensation_m`](crate::mpm::particles::Particle::compensation_m).
 const ROOM: f64 = 8.0;
 
 /// The object's first pose and the ground below it, in metres.

@@ -9,8 +9,8 @@ use serde::Deserialize;
 use super::action::{Action, Effect};
 use super::error::SimulateError;
 use super::material::Material;
-use super::mpm::particles::Particle;
-use crate::output::toml_problem;
+use crate::mpm::particles::Particle;
+use crate::words::output::toml_problem;
 
 /// An object that falls from more than a thousand times its height falls for longer than is worth simulating.
 pub(super) const HIGHEST_DROP: f64 = 1000.0;

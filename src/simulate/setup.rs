@@ -7,14 +7,10 @@ use nalgebra::Point3;
 
 use super::Input;
 use super::action::Action;
-use super::boundary::Boundary;
 use super::error::SimulateError;
 use super::filling::{self, Body, Filled};
 use super::frames::ToWorld;
 use super::material::{self, Material, Materials, Prepared, SOFT_PA, Softened};
-use super::mpm::Setting;
-use super::mpm::laws::Law;
-use super::mpm::particles::Particle;
 use super::object::Bodies;
 use super::options::Options;
 use super::report::{FilledReport, RigidReport, SimulationReport, StepReport};
@@ -23,10 +19,14 @@ use super::scenario::Drop;
 use super::script::{self, Script, Standing, Step, What, names_of_parts};
 use super::time_step::StepBound;
 use crate::files;
-use crate::output::{agreeing, counted};
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
+use crate::mpm::Setting;
+use crate::mpm::boundary::Boundary;
+use crate::mpm::laws::Law;
+use crate::mpm::particles::Particle;
 use crate::scene::{Bounds, robust_bounds};
 use crate::units::GRAVITY_M_S2;
+use crate::words::output::{agreeing, counted};
 
 /// Length in metres that is assumed for the longest side of an object of unknown scale.
 pub const ASSUMED_LONGEST_SIDE_M: f64 = 0.5;

@@ -5,8 +5,8 @@
 use std::io::{self, Write};
 
 use super::compat::particle::Particle as CompatParticle;
-use super::mpm::particles::Particle;
-use crate::npz::NpzWriter;
+use crate::files::npz::NpzWriter;
+use crate::mpm::particles::Particle;
 
 /// The state of one particle; matrices row by row.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -2,8 +2,8 @@
 
 use super::{AnsweredPart, ViewInput, VoteError};
 use crate::materials::MaterialLibrary;
-use crate::output::{agreeing, counted};
 use crate::query::{Answer, Answers, Outcome};
+use crate::words::output::{agreeing, counted};
 
 /// A segment of one view, or a part as one view shows it.
 pub(super) struct AnsweredSegment<'a> {

@@ -11,9 +11,9 @@ use rayon::prelude::*;
 use super::answered_segments::AnsweredSegments;
 use super::options::Rule;
 use super::{Progress, ViewInput};
+use crate::gaussians::Gaussians;
 use crate::render::depth_test::{DepthMap, DepthTest};
 use crate::render::{Projected, RenderOptions, Splat, contributions};
-use crate::scene::gaussians::Gaussians;
 use crate::segment::LabelMap;
 
 /// Votes of one view for one segment to one Gaussian.

@@ -1,6 +1,6 @@
 //! Errors that make a vote impossible.
 
-use crate::output::counted;
+use crate::words::output::counted;
 
 /// Why there is no [`super::MaterialField`].
 #[derive(Debug, thiserror::Error)]

@@ -1,8 +1,8 @@
 //! The material field as extra vertex properties of a PLY.
 
 use super::{FieldLabel, MaterialField};
+use crate::gaussians::ExtraProperty;
 use crate::materials::{Material, MaterialLibrary};
-use crate::scene::gaussians::ExtraProperty;
 use crate::units::Estimate;
 
 /// Names of the materials that the labels use, sorted: `material_id` is the index into this list.

@@ -24,15 +24,15 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
 use crate::materials::{Law, MaterialLibrary};
-use crate::output::{agreeing, counted};
-use crate::progress::Progress;
 use crate::query::{Answer, Answers, Form};
 use crate::render;
-use crate::scene::gaussians::Gaussians;
 use crate::scene::robust_bounds;
 use crate::segment::LabelMap;
 use crate::units::{Estimate, ShoreHardness};
+use crate::words::output::{agreeing, counted};
+use crate::words::progress::Progress;
 use answered_segments::AnsweredSegments;
 use ballots::Ballots;
 pub use error::VoteError;

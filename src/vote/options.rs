@@ -5,7 +5,7 @@ use std::num::NonZeroUsize;
 use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
-use crate::option_values::{self, from_to};
+use crate::config::option_values::{self, from_to};
 
 /// Number of seen neighbours that decide for an unseen Gaussian: enough that one stray does not decide, few enough to
 /// stay local.

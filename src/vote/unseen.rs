@@ -7,8 +7,8 @@ use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
 
 use super::tally::{Elected, PartMaterial};
-use crate::scene::gaussians::Gaussians;
-use crate::scene::nearest::Nearest;
+use crate::gaussians::Gaussians;
+use crate::numeric::nearest::Nearest;
 
 /// Number of candidates per wanted neighbour, nearest by Euclidean distance, from which the metric selects.
 const CANDIDATES_PER_NEIGHBOR: usize = 4;

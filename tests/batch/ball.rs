@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use gprop::camera::Camera;
-use gprop::scene::ply;
+use gprop::scene::splat::ply;
 use gprop::segment::LabelMap;
 use image::{Rgba, RgbaImage};
 use nalgebra::{Matrix4, Point3, Vector3};

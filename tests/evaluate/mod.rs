@@ -9,7 +9,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use gprop::scene::ply;
+use gprop::scene::splat::ply;
 use gprop::units::{Range, ShoreHardness, ShoreScale};
 use gprop::vote::field_ply;
 use gprop::workdir::{Checksum, FORMAT_VERSION};

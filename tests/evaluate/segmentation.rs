@@ -7,10 +7,10 @@ use std::process::Command;
 
 use gprop::evaluate::label_maps::LabelMaps;
 use gprop::evaluate::vocabulary::Vocabulary;
+use gprop::gaussians::SH_C0;
 use gprop::materials::MaterialLibrary;
 use gprop::pictures::field_colors;
-use gprop::scene::gaussians::SH_C0;
-use gprop::scene::ply;
+use gprop::scene::splat::ply;
 use gprop::vote::field_ply;
 use image::{DynamicImage, GrayImage, Luma};
 use serde_json::Value;

@@ -7,7 +7,7 @@ use std::time::SystemTime;
 
 use gprop::pipeline::Stage;
 use gprop::pipeline::stored::Stored;
-use gprop::scene::ply;
+use gprop::scene::splat::ply;
 use serde_json::Value;
 
 use super::{evaluate, refused, text};

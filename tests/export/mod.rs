@@ -5,11 +5,11 @@ use std::process::Command;
 
 use clap::ValueEnum;
 use gprop::export::{ExportError, Format, Model, export};
+use gprop::gaussians::Gaussians;
 use gprop::grasp::Reason;
 use gprop::grasp::candidates::Candidate;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::parts::{FILLING, Object, PartsError};
-use gprop::scene::gaussians::Gaussians;
 use gprop::vote::field_ply;
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -320,7 +320,7 @@ fn trimesh_finds_the_glb_closed_with_the_parts_properties() {
 fn the_splats_parts_are_all_of_it() {
     let measured = Measured::of(&folders()[0]);
     let (_folder, files) = exported(measured, Format::PlyParts);
-    let read: Vec<_> = files.iter().map(|file| gprop::scene::ply::read(file).unwrap().gaussians).collect();
+    let read: Vec<_> = files.iter().map(|file| gprop::scene::splat::ply::read(file).unwrap().gaussians).collect();
     assert_eq!(read.len(), measured.field.labels.len());
     assert_eq!(read.iter().map(Gaussians::len).sum::<usize>(), measured.scene.gaussians.len());
     for (label, gaussians) in measured.field.labels.iter().zip(&read) {
@@ -385,10 +385,10 @@ fn splat_transform_opens_field_ply_and_keeps_the_properties() {
     let [from, to] = ["field.ply", "copy.ply"].map(|name| folder.path().join(name));
     let columns = field_ply::columns(measured.field);
     let file = std::fs::File::create(&from).unwrap();
-    gprop::scene::ply::write(std::io::BufWriter::new(file), &measured.scene.gaussians, &columns).unwrap();
+    gprop::scene::splat::ply::write(std::io::BufWriter::new(file), &measured.scene.gaussians, &columns).unwrap();
     let output = Command::new("splat-transform").args([&from, &to]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let copy = gprop::scene::ply::read(&to).unwrap().gaussians;
+    let copy = gprop::scene::splat::ply::read(&to).unwrap().gaussians;
     assert_eq!(copy.len(), measured.scene.gaussians.len());
     for column in &columns {
         let kept = copy.extra.iter().find(|extra| extra.name == column.name);
@@ -451,7 +451,7 @@ fn physgaussian_gets_its_folder() {
     }
     let steps = config["frame_dt"].as_f64().unwrap() / config["substep_dt"].as_f64().unwrap();
     assert!((steps - steps.round()).abs() < 1e-9, "whole steps a frame: {steps}");
-    let cloud = gprop::scene::ply::read(&model.join("point_cloud/iteration_30000/point_cloud.ply")).unwrap();
+    let cloud = gprop::scene::splat::ply::read(&model.join("point_cloud/iteration_30000/point_cloud.ply")).unwrap();
     let names: Vec<&str> = cloud.gaussians.extra.iter().map(|e| e.name.as_str()).collect();
     assert_eq!(names, ["part_label", "density", "E", "nu", "material_id", "conf"]);
 }

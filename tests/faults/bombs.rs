@@ -5,7 +5,8 @@ use std::io::Write;
 
 use flate2::Compression;
 use flate2::write::GzEncoder;
-use gprop::scene::{SplatProblem, spz};
+use gprop::scene::SplatProblem;
+use gprop::scene::splat::spz;
 use gprop::segment::{LabelMap, LabelMapError};
 use image::{GrayImage, ImageFormat};
 

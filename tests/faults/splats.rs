@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use gprop::scene::gaussians::Gaussians;
-use gprop::scene::ply;
+use gprop::gaussians::Gaussians;
+use gprop::scene::splat::ply;
 use serde_json::Value;
 
 use super::{assert_refused, run};

@@ -4,10 +4,10 @@ use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::{Surface, SurfacePoint};
 use gprop::grasp::{GraspError, GraspReport, Options, Reason, grasp};
 use gprop::parts::{self, PartsResult};
-use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
 use gprop::vote::FieldLabel;
+use gprop::words::progress::Progress;
 use nalgebra::{Point3, Vector3};
 
 use crate::parts::clouds::{Cloud, cameras};

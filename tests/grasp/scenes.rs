@@ -8,9 +8,9 @@ use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::Surface;
 use gprop::grasp::{GraspReport, Options, grasp, picture};
 use gprop::parts::{self, Parts, PartsResult};
-use gprop::progress::Progress;
 use gprop::scene::Scene;
 use gprop::vote::MaterialField;
+use gprop::words::progress::Progress;
 
 use crate::parts::truth::{self, Known};
 use crate::support::Shared;

@@ -1,10 +1,10 @@
 //! Clouds, fields and options that the parts stage must refuse, or process without a panic.
 
+use gprop::gaussians::Gaussians;
 use gprop::parts::{Options, PartsError, PartsResult, VolumeMethod, parts};
-use gprop::progress::Progress;
 use gprop::query::Form;
-use gprop::scene::gaussians::Gaussians;
 use gprop::units::{MetricScale, Range, ScaleSource};
+use gprop::words::progress::Progress;
 use nalgebra::{Point3, Vector3};
 
 use super::clouds::{Cloud, cameras};

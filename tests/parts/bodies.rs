@@ -1,9 +1,9 @@
 //! Parts of several connected bodies, as one part or as many.
 
 use gprop::parts::{BodiesAs, Options, PartsResult, parts};
-use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{MetricScale, ScaleSource};
+use gprop::words::progress::Progress;
 use nalgebra::Point3;
 
 use super::clouds::{Cloud, cameras};

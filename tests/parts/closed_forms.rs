@@ -3,9 +3,9 @@
 use std::f64::consts::PI;
 
 use gprop::parts::{Options, Parts, PartsResult, Source, VolumeMethod, parts};
-use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{MetricScale, Range, ScaleSource};
+use gprop::words::progress::Progress;
 use nalgebra::{Point3, Vector3};
 
 use super::clouds::{Cloud, cameras, cameras_of};

@@ -1,9 +1,9 @@
 //! Clouds of flat Gaussians on surfaces whose volume is known in closed form, and cameras around them.
 
 use gprop::camera::{Camera, Distortion, Intrinsics};
+use gprop::gaussians::Gaussians;
 use gprop::materials::Law;
 use gprop::query::Form;
-use gprop::scene::gaussians::Gaussians;
 use gprop::units::Estimate;
 use gprop::vote::{FieldLabel, MaterialField};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};

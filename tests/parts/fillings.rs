@@ -2,13 +2,13 @@
 
 use std::f64::consts::PI;
 
+use gprop::gaussians::Gaussians;
 use gprop::materials::Law;
 use gprop::parts::{Options, Parts, Source, parts};
-use gprop::progress::Progress;
 use gprop::query::Form;
-use gprop::scene::gaussians::Gaussians;
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
 use gprop::vote::{Contents, Filled, MaterialField};
+use gprop::words::progress::Progress;
 use nalgebra::Point3;
 
 use super::clouds::{Cloud, cameras};

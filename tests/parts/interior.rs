@@ -1,9 +1,9 @@
 //! The object's inside as bytes: what was written is read back, and anything else is refused.
 
 use gprop::parts::{FILLING, Grid, Interior, OUTSIDE, VOID, parts};
-use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{MetricScale, Range, ScaleSource};
+use gprop::words::progress::Progress;
 use nalgebra::Point3;
 use proptest::prelude::*;
 

@@ -10,15 +10,16 @@ use std::fs;
 use std::path::Path;
 
 use gprop::exit::{self, Exit};
+use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{Options, Parts, parts};
-use gprop::progress::Progress;
 use gprop::query::{Answers, Outcome};
-use gprop::scene::gaussians::Gaussians;
-use gprop::scene::{self, Scene, View, ply};
+use gprop::scene::splat::ply;
+use gprop::scene::{self, Scene, View};
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, Range};
 use gprop::vote::{self, ViewInput, vote};
+use gprop::words::progress::Progress;
 use tempfile::TempDir;
 
 use super::truth;

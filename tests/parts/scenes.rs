@@ -4,8 +4,8 @@ use std::path::Path;
 
 use gprop::evaluate::scores::{Pair, Scores};
 use gprop::parts::{Options, Parts, parts};
-use gprop::progress::Progress;
 use gprop::units::Estimate;
+use gprop::words::progress::Progress;
 
 use super::truth::{self, Known, Truth};
 

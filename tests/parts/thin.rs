@@ -5,9 +5,9 @@ use std::f64::consts::PI;
 
 use gprop::camera::Camera;
 use gprop::parts::{Options, Parts, parts};
-use gprop::progress::Progress;
 use gprop::query::Form;
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
+use gprop::words::progress::Progress;
 use image::{GrayImage, Luma};
 use nalgebra::{Point3, Vector2, Vector3};
 

@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use gprop::materials::Law;
+use gprop::numeric::nearest::Nearest;
 use gprop::query::Form;
 use gprop::render::{Colors, RenderOptions, render};
-use gprop::scene::nearest::Nearest;
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, Range};
 use gprop::vote::{FieldLabel, MaterialField};

@@ -7,10 +7,10 @@ use std::sync::{Arc, Mutex};
 use gprop::error::UsageError;
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects};
-use gprop::progress::Progress;
+use gprop::query::ask::rounds::Subject;
 use gprop::query::question::About;
-use gprop::query::rounds::Subject;
 use gprop::query::{AnswerSource, Context, Options, QueryError};
+use gprop::words::progress::Progress;
 use gprop::workdir::WorkDir;
 use serde_json::{Value, json};
 

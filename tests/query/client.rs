@@ -4,10 +4,10 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use crate::support::server::{MockServer, Request, Response, json_of};
-use gprop::query::asker::{Ask, AskError, Asker, Correction, Reply, ReplyContent};
-use gprop::query::budget::Budget;
+use gprop::query::ask::asker::{Ask, AskError, Asker, Correction, Reply, ReplyContent};
+use gprop::query::ask::budget::Budget;
+use gprop::query::ask::cost::Cost;
 use gprop::query::client::{ApiKey, Client, ClientError};
-use gprop::query::cost::Cost;
 use gprop::query::recorded::Usage;
 use gprop::query::{Failure, Options, Outcome, Prompts, QueryError};
 use serde_json::{Value, json};
@@ -293,7 +293,7 @@ fn the_key_appears_nowhere_but_in_its_header() {
         &recordings(folder.path()),
         Some(&client),
         &Budget::new(None, None),
-        gprop::progress::Progress::Hidden,
+        gprop::words::progress::Progress::Hidden,
     );
     let error = result.unwrap_err();
     assert!(matches!(error, QueryError::Endpoint { .. }), "{error}");
@@ -321,7 +321,7 @@ fn a_placeholder_for_a_key_stays_in_answers() {
         &recordings(folder.path()),
         Some(&client),
         &Budget::new(None, None),
-        gprop::progress::Progress::Hidden,
+        gprop::words::progress::Progress::Hidden,
     );
     assert_eq!(result.unwrap().answers.failed().count(), 0);
     let recorded = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());

@@ -1,5 +1,5 @@
-use gprop::query::budget::{Budget, NotSent, Spent};
-use gprop::query::cost::{Cost, ImageTokens, PriceTable};
+use gprop::query::ask::budget::{Budget, NotSent, Spent};
+use gprop::query::ask::cost::{Cost, ImageTokens, PriceTable};
 use gprop::query::recorded::Usage;
 
 #[test]

@@ -3,9 +3,9 @@ use std::path::Path;
 use std::process::Output;
 
 use gprop::materials::MaterialLibrary;
+use gprop::query::ask::rounds::Subject;
 use gprop::query::exchange::{self, ExchangeError};
 use gprop::query::recorded::{Answerer, Recording, Recordings};
-use gprop::query::rounds::Subject;
 use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts, Queries, SegmentQuery};
 use serde_json::{Value, json};
 

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, SystemTime};
 
-use gprop::progress::Progress;
-use gprop::query::asker::{AskError, Reply, ReplyContent};
-use gprop::query::budget::Budget;
-use gprop::query::cost::{Price, PriceTable};
+use gprop::query::ask::asker::{AskError, Reply, ReplyContent};
+use gprop::query::ask::budget::Budget;
+use gprop::query::ask::cost::{Price, PriceTable};
 use gprop::query::{Options, Outcome, Prompts, QueryError, Run};
+use gprop::words::progress::Progress;
 use serde_json::{Value, json};
 
 use super::client::{Server, ask, error, ok};

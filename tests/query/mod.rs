@@ -35,15 +35,15 @@ use std::path::Path;
 use std::sync::Mutex;
 
 use gprop::materials::MaterialLibrary;
-use gprop::progress::Progress;
-use gprop::query::asker::{Ask, AskError, Asker, Reply, ReplyContent};
-use gprop::query::budget::{Account, Budget};
+use gprop::query::ask::asker::{Ask, AskError, Asker, Reply, ReplyContent};
+use gprop::query::ask::budget::{Account, Budget};
 use gprop::query::client::{ApiKey, Client, ClientError};
 use gprop::query::question::About;
 use gprop::query::recorded::{Answerer, Recordings, Usage};
 use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
 use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
+use gprop::words::progress::Progress;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 use serde_json::{Value, json};
 

@@ -3,11 +3,11 @@
 use std::io::ErrorKind;
 use std::net::TcpListener;
 
-use gprop::progress::Progress;
-use gprop::query::asker::AskError;
+use gprop::query::ask::asker::AskError;
 use gprop::query::client::Client;
 use gprop::query::{Options, Prompts, QueryError};
 use gprop::setup::{Environment, Offline};
+use gprop::words::progress::Progress;
 
 use super::client::ask;
 use super::{prepare, recordings, small, two_segments};

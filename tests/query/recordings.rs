@@ -1,11 +1,11 @@
 use std::fs;
 
-use gprop::progress::Progress;
-use gprop::query::asker::{AskError, Asker, ReplyContent};
-use gprop::query::budget::Budget;
-use gprop::query::cost::Cost;
+use gprop::query::ask::asker::{AskError, Asker, ReplyContent};
+use gprop::query::ask::budget::Budget;
+use gprop::query::ask::cost::Cost;
 use gprop::query::recorded::{RecordingError, Recordings, Usage};
 use gprop::query::{AnswerSource, Failure, Guidance, Match, Options, Outcome, Prompts, QueryError};
+use gprop::words::progress::Progress;
 
 use super::{Scripted, a, good_answer, prepare, recordings, run, small, text, two_segments, with};
 
@@ -302,7 +302,7 @@ fn a_submission_of_first_questions_costs_no_more_than_these() {
 fn the_budget_stops_before_and_during_the_run() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
-    let price = gprop::query::cost::PriceTable::builtin().price("gpt-4o").cloned();
+    let price = gprop::query::ask::cost::PriceTable::builtin().price("gpt-4o").cloned();
     let asker = Scripted::new(|_| text(good_answer(a("wood"))));
     let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     let with_budget = |max_usd: f64, spends_first: bool| {

@@ -1,5 +1,5 @@
 use gprop::query::Context;
-use gprop::query::sheet::{Drawer, Sheet};
+use gprop::query::question::sheet::{Drawer, Sheet};
 use gprop::scene::ForegroundSource;
 use image::{Rgb, RgbImage};
 

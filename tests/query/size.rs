@@ -6,7 +6,7 @@ use std::process::Output;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use gprop::scene::gaussians::BODY_DEVIATIONS;
+use gprop::gaussians::BODY_DEVIATIONS;
 use serde_json::{Value, json};
 
 use super::{a, good_answer};

@@ -3,7 +3,7 @@
 //! from associated Legendre functions, the inverse of the covariance by nalgebra.
 
 use gprop::camera::Camera;
-use gprop::scene::gaussians::Gaussians;
+use gprop::gaussians::Gaussians;
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
 
 /// A picture of `width * height` pixels, row by row.

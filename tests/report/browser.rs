@@ -1,6 +1,6 @@
 //! The page in headless Chromium, from disk.
 
-use gprop::scene::ply;
+use gprop::scene::splat::ply;
 use serde_json::Value;
 
 use crate::support::browser::{Page, Point};

@@ -10,7 +10,7 @@ use std::process::Command;
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use gprop::scene::ply;
+use gprop::scene::splat::ply;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 

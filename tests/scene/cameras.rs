@@ -1,10 +1,11 @@
 //! Cameras of every program, built in code and compared with the documentation of each format.
 
 use gprop::camera::{Distortion, Polynomial};
-use gprop::scene::align::{Conversion, SignedPermutation};
+use gprop::scene::cameras::align::{Conversion, SignedPermutation};
 use gprop::scene::cameras::gaussian_splatting::TrainingArguments;
 use gprop::scene::cameras::{Focal, colmap, transforms};
-use gprop::scene::{self, ForegroundSource, Options, Scene, SceneError, ply};
+use gprop::scene::splat::ply;
+use gprop::scene::{self, ForegroundSource, Options, Scene, SceneError};
 use image::{GrayImage, ImageEncoder, Rgb, RgbImage};
 use nalgebra::{Isometry3, Point3, Rotation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use clap::Parser;
-use gprop::scene::{self, Options, Scene, SceneError, ply};
+use gprop::scene::splat::ply;
+use gprop::scene::{self, Options, Scene, SceneError};
 use gprop::units::ScaleSource;
 use image::RgbImage;
 use serde_json::{Value, json};

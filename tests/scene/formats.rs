@@ -4,9 +4,14 @@ use std::collections::BTreeSet;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
+use gprop::gaussians::Gaussians;
 use gprop::render::{RenderOptions, render};
-use gprop::scene::gaussians::Gaussians;
-use gprop::scene::{self, Options, ksplat, ply, sog, splat, spz};
+use gprop::scene::splat::dot_splat as splat;
+use gprop::scene::splat::ksplat;
+use gprop::scene::splat::ply;
+use gprop::scene::splat::sog;
+use gprop::scene::splat::spz;
+use gprop::scene::{self, Options};
 use proptest::prelude::*;
 
 /// A file of the shared data; `None`, with a message, if it does not exist.
@@ -517,7 +522,7 @@ fn a_sog_bundle_and_its_folder_are_the_same_splat() {
     assert_eq!(bundle.len(), 113_648);
     let Some(splat) = shared("formats/splat/plant.splat") else { return };
     let original = splat::parse(&std::fs::read(splat).unwrap()).unwrap().gaussians;
-    let nearest = scene::nearest::Nearest::new(original.positions.iter().copied());
+    let nearest = gprop::numeric::nearest::Nearest::new(original.positions.iter().copied());
     let (mut farthest, mut off) = (0f32, [0f32; 2]);
     for i in (0..bundle.len()).step_by(97) {
         let (distance2, twin) = nearest.find(bundle.positions[i], 1)[0];

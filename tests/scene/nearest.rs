@@ -1,6 +1,6 @@
 //! The k-d tree against an exhaustive search.
 
-use gprop::scene::nearest::Nearest;
+use gprop::numeric::nearest::Nearest;
 use proptest::prelude::*;
 
 proptest! {

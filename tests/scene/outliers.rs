@@ -2,9 +2,10 @@
 
 use std::path::Path;
 
-use gprop::scene::gaussians::Gaussians;
-use gprop::scene::outliers::set_aside;
-use gprop::scene::{self, ply};
+use gprop::gaussians::Gaussians;
+use gprop::scene;
+use gprop::scene::object::outliers::set_aside;
+use gprop::scene::splat::ply;
 
 use super::folder::{assert_message, hammer, options};
 use crate::vote::build::{Blob, Noise, cloud};

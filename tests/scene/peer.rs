@@ -6,9 +6,13 @@
 use std::path::Path;
 use std::process::Command;
 
-use gprop::scene::gaussians::Gaussians;
-use gprop::scene::nearest::Nearest;
-use gprop::scene::{ksplat, ply, sog, splat, spz};
+use gprop::gaussians::Gaussians;
+use gprop::numeric::nearest::Nearest;
+use gprop::scene::splat::dot_splat as splat;
+use gprop::scene::splat::ksplat;
+use gprop::scene::splat::ply;
+use gprop::scene::splat::sog;
+use gprop::scene::splat::spz;
 use tempfile::TempDir;
 
 use super::formats::{ksplat_file, splat_row};

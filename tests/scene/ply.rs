@@ -1,7 +1,7 @@
 //! PLY files built in code: every layout that 3DGS tools write, and everything that can be wrong with one.
 
-use gprop::scene::gaussians::{ExtraProperty, Gaussians};
-use gprop::scene::ply::{self, Loaded, Problem};
+use gprop::gaussians::{ExtraProperty, Gaussians};
+use gprop::scene::splat::ply::{self, Loaded, Problem};
 use proptest::prelude::*;
 
 #[derive(Debug, Clone, Copy, PartialEq)]

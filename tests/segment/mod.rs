@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 
 use gprop::evaluate::masks::{Comparison, Reference, compare};
-use gprop::progress::Progress;
 use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::{LabelMap, Options, SegmentError, Segmenter, ViewSegments, segment_views};
 use gprop::setup::ModelFiles;
+use gprop::words::progress::Progress;
 use image::{GrayImage, Luma, Rgb, RgbImage};
 
 use crate::support;

@@ -1,11 +1,10 @@
 use std::path::Path;
 
 use gprop::evaluate::{filling, simulation};
+use gprop::files::npz::Npz;
+use gprop::gaussians::Gaussians;
 use gprop::materials::Law;
-use gprop::npz::Npz;
-use gprop::progress::Progress;
 use gprop::query::Form;
-use gprop::scene::gaussians::Gaussians;
 use gprop::simulate::SimulateError;
 use gprop::simulate::compat::config::Config;
 use gprop::simulate::compat::estimated::Estimated;
@@ -16,6 +15,7 @@ use gprop::simulate::compat::{run, strength_at};
 use gprop::simulate::material::{SOFT_PA, Soften};
 use gprop::units::Estimate;
 use gprop::vote::FieldLabel;
+use gprop::words::progress::Progress;
 use nalgebra::Vector3;
 
 use crate::support::skipped;

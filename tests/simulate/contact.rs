@@ -1,7 +1,7 @@
 use nalgebra::Vector3;
 
 use super::{Block, particles_of, totals};
-use gprop::simulate::boundary::{Boundary, Contact};
+use gprop::mpm::boundary::{Boundary, Contact};
 
 const GROUND_M: f32 = 0.5;
 const GRAVITY: f32 = 9.8;
@@ -62,7 +62,7 @@ fn slip_keeps_and_sticky_takes_the_speed() {
 fn rests_on_the_ground() {
     let block = block(|_| Vector3::zeros());
     let mut solver = block.solver([0.0, 0.0, -GRAVITY], ground(Contact::Separate { friction: 0.4 }));
-    let lowest = |solver: &gprop::simulate::mpm::Solver| {
+    let lowest = |solver: &gprop::mpm::Solver| {
         particles_of(solver).iter().map(|p| p.position_m[2]).fold(f32::INFINITY, f32::min)
     };
     for _ in 0..4000 {

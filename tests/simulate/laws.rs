@@ -1,12 +1,12 @@
+use gprop::mpm::eigen::{Stretches, rotation};
+use gprop::mpm::laws::energy::elastic_j;
+use gprop::mpm::laws::exp;
+use gprop::mpm::laws::snow::Snow;
+use gprop::mpm::laws::{Law, drucker_prager, stress, von_mises};
+use gprop::mpm::matrix::{Mat3, Sym3};
+use gprop::mpm::particles::{IDENTITY, Pack, Particle};
 use gprop::simd::{LANES, Plain, Vector, ln};
 use gprop::simulate::material::lame;
-use gprop::simulate::mpm::eigen::{Stretches, rotation};
-use gprop::simulate::mpm::laws::energy::elastic_j;
-use gprop::simulate::mpm::laws::exp;
-use gprop::simulate::mpm::laws::snow::Snow;
-use gprop::simulate::mpm::laws::{Law, drucker_prager, stress, von_mises};
-use gprop::simulate::mpm::matrix::{Mat3, Sym3};
-use gprop::simulate::mpm::particles::{IDENTITY, Pack, Particle};
 use nalgebra::{Matrix3, SVD};
 use proptest::prelude::*;
 

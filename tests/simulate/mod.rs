@@ -17,11 +17,11 @@ mod scenarios;
 // The stage: volumes, frames, threads, checkpoints, bad input, the animation.
 mod stage;
 
-use gprop::simulate::boundary::Boundary;
+use gprop::mpm::boundary::Boundary;
+use gprop::mpm::laws::Law;
+use gprop::mpm::particles::{IDENTITY, Particle};
+use gprop::mpm::{Setting, Solver};
 use gprop::simulate::material::lame;
-use gprop::simulate::mpm::laws::Law;
-use gprop::simulate::mpm::particles::{IDENTITY, Particle};
-use gprop::simulate::mpm::{Setting, Solver};
 use nalgebra::Vector3;
 
 /// An elastic or plastic block for tests, with eight particles per grid cell.

@@ -1,9 +1,9 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::{Block, particles_of, totals};
+use gprop::mpm::boundary::{Boundary, Contact};
+use gprop::mpm::particles::Particle;
 use gprop::simulate::action::{self, Action, Effect};
-use gprop::simulate::boundary::{Boundary, Contact};
-use gprop::simulate::mpm::particles::Particle;
 use gprop::simulate::object::{Bodies, Object};
 
 /// z(t) = z0 - g t^2 / 2; symplectic Euler adds g t dt / 2.

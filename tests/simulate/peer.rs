@@ -5,11 +5,11 @@
 use std::io::{Cursor, Read};
 use std::path::Path;
 
-use gprop::simulate::boundary::{Boundary, Contact};
+use gprop::mpm::boundary::{Boundary, Contact};
+use gprop::mpm::laws::{Law, drucker_prager};
+use gprop::mpm::particles::{IDENTITY, Particle};
+use gprop::mpm::{Setting, Solver};
 use gprop::simulate::material::lame;
-use gprop::simulate::mpm::laws::{Law, drucker_prager};
-use gprop::simulate::mpm::particles::{IDENTITY, Particle};
-use gprop::simulate::mpm::{Setting, Solver};
 use nalgebra::Vector3;
 use serde_json::Value;
 

@@ -1,8 +1,8 @@
+use gprop::mpm::Setting;
+use gprop::mpm::boundary::{Boundary, Contact};
+use gprop::mpm::laws::Law;
+use gprop::mpm::particles::Particle;
 use gprop::simulate::action::{self, Action, Effect};
-use gprop::simulate::boundary::{Boundary, Contact};
-use gprop::simulate::mpm::Setting;
-use gprop::simulate::mpm::laws::Law;
-use gprop::simulate::mpm::particles::Particle;
 use gprop::simulate::object::{Bodies, Object};
 use gprop::simulate::rigid::body::Body;
 use nalgebra::{Matrix3, Vector3};

@@ -1,5 +1,5 @@
+use gprop::mpm::particles::{IDENTITY, Particle};
 use gprop::simulate::action::Effect;
-use gprop::simulate::mpm::particles::{IDENTITY, Particle};
 use gprop::simulate::script::{KNOWN, Script, Standing, is_name, named};
 use gprop::simulate::{Options, SimulateError, script_of};
 

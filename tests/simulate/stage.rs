@@ -2,16 +2,16 @@ use std::collections::BTreeSet;
 use std::error::Error;
 
 use gprop::film::{self, Size};
+use gprop::gaussians::Gaussians;
 use gprop::materials::Law;
-use gprop::progress::Progress;
 use gprop::render::sh_color;
-use gprop::scene::gaussians::Gaussians;
 use gprop::simulate::animation::{Film, Shooting, Viewpoint};
 use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
 use gprop::simulate::filling::{Body, FillPoint, fill};
 use gprop::simulate::material::{Material, Soften};
 use gprop::simulate::rigid::choice::{HARDLY_VISIBLE, INVISIBLE, Load, Reason, choose};
 use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate, simulated};
+use gprop::words::progress::Progress;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 use crate::support::skipped;

@@ -1,7 +1,7 @@
+use gprop::mpm::boundary::{Boundary, Contact};
+use gprop::mpm::laws::{Law, drucker_prager};
+use gprop::mpm::particles::Particle;
 use gprop::simulate::action::{self, Action, Effect};
-use gprop::simulate::boundary::{Boundary, Contact};
-use gprop::simulate::mpm::laws::{Law, drucker_prager};
-use gprop::simulate::mpm::particles::Particle;
 use gprop::simulate::object::{Bodies, Object};
 use nalgebra::{Matrix3, Vector3};
 

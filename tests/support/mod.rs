@@ -10,8 +10,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::{Mutex, OnceLock, PoisonError};
 
-use gprop::progress::Progress;
 use gprop::setup::{self, ModelFiles, SetupError};
+use gprop::words::progress::Progress;
 use serde_json::Value;
 
 /// Reports on stderr, bypassing the harness's capture, that a test did not run and why.

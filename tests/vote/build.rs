@@ -1,9 +1,9 @@
 //! Clouds and cameras built in code.
 
 use gprop::camera::{Camera, Distortion, Intrinsics};
+use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
 use gprop::query::Answer;
-use gprop::scene::gaussians::Gaussians;
 use nalgebra::{Isometry3, Point3, Vector3};
 
 /// A camera at the origin that looks along +z; 64 x 48 px, focal length 50 px, principal point in the middle.
@@ -49,7 +49,7 @@ pub fn cloud(blobs: &[Blob]) -> Gaussians {
         cloud.log_scales.push(blob.scale.map(f32::ln));
         cloud.rotations.push(blob.rotation);
         cloud.opacity_logits.push((blob.opacity / (1.0 - blob.opacity)).ln());
-        cloud.sh_dc.push(blob.color.map(|c| (c - 0.5) / gprop::scene::gaussians::SH_C0));
+        cloud.sh_dc.push(blob.color.map(|c| (c - 0.5) / gprop::gaussians::SH_C0));
     }
     cloud
 }

@@ -2,18 +2,18 @@
 //! errors for bad input.
 
 use gprop::camera::Camera;
+use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
 use gprop::pictures::field_colors;
-use gprop::progress::Progress;
 use gprop::query::{Answer, Answers, Failure, Form, Inside, Outcome, SegmentAnswer};
 use gprop::render::{RenderOptions, render, render_labels};
-use gprop::scene::gaussians::Gaussians;
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, Range, ShoreHardness, ShoreScale};
 use gprop::vote::{
     Agreement, AnsweredPart, Contents, FieldLabel, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote,
     vote_on_parts,
 };
+use gprop::words::progress::Progress;
 
 use super::build::{Blob, answer, camera_at, cloud};
 
@@ -490,7 +490,7 @@ fn the_columns_of_the_ply_hold_the_field() {
     assert_ne!(colors[0], colors[gaussians.len() - 1]);
 
     let mut file = Vec::new();
-    gprop::scene::ply::write(&mut file, &gaussians, &columns).unwrap();
-    let reread = gprop::scene::ply::parse(&file).unwrap().gaussians;
+    gprop::scene::splat::ply::write(&mut file, &gaussians, &columns).unwrap();
+    let reread = gprop::scene::splat::ply::parse(&file).unwrap().gaussians;
     assert_eq!(field_ply::read(&reread.extra, field.labels.clone()).unwrap(), field);
 }

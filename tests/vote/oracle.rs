@@ -3,12 +3,12 @@
 
 use gprop::evaluate::segmentation::IouTally;
 use gprop::materials::MaterialLibrary;
-use gprop::progress::Progress;
 use gprop::query::{Answers, Outcome, SegmentAnswer};
 use gprop::render::{RenderOptions, render_labelings};
 use gprop::scene::View;
 use gprop::segment::LabelMap;
 use gprop::vote::{MaterialField, Options, Rule, ViewInput, vote};
+use gprop::words::progress::Progress;
 
 use super::build::answer;
 use super::scenes::{self, Measured};

@@ -14,10 +14,10 @@ use rayon::prelude::*;
 
 use crate::files;
 use crate::pictures::thumbnail;
-use crate::readable::figures;
 use crate::report::ESTIMATED;
 use crate::report::style;
 use crate::units::Estimate;
+use crate::words::readable::figures;
 use crate::workdir::{self, Artifact};
 
 use super::{BatchError, Outcome, State, Summary, memory};

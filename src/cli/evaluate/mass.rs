@@ -2,7 +2,7 @@
 
 use super::scores_text;
 use crate::evaluate::mass::{Balance, Causes, MassEvaluation, Weighed, WeighedPart};
-use crate::output::{counted, one_line};
+use crate::words::output::{counted, one_line};
 
 /// The table of masses, the causes of the errors, the errors of centre and inertia, the scores.
 pub fn text(found: &MassEvaluation) -> String {

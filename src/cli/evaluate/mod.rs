@@ -24,15 +24,15 @@ use crate::evaluate::prompts;
 use crate::evaluate::scores::Scores;
 use crate::evaluate::simulation::{self, SimulationError};
 use crate::files;
+use crate::files::npz::Npz;
+use crate::files::read_scope::ReadScope;
 use crate::from_splat::photo_with_foreground;
-use crate::npz::Npz;
-use crate::output::{counted, one_line};
 use crate::pipeline::stored::Stored;
 use crate::pipeline::{self, Pipeline, Stage, open_segmenter};
-use crate::read_scope::ReadScope;
 use crate::scene::{self, SceneError, dataset};
 use crate::segment;
 use crate::setup;
+use crate::words::output::{counted, one_line};
 use crate::workdir::{Artifact, WorkDirError};
 
 use super::arguments::TrueParts;

@@ -8,9 +8,9 @@ use crate::consensus::{self, SegmentedView};
 use crate::error::UsageError;
 use crate::evaluate::parts::{PartsEvaluation, TrueView, compare, compare_segments};
 use crate::from_splat::photo_with_foreground;
-use crate::output::counted;
 use crate::pipeline::{self, open_segmenter};
 use crate::scene::{self, Scene, View};
+use crate::words::output::counted;
 
 use super::super::arguments::TrueParts;
 use super::super::{Global, options_of, print};

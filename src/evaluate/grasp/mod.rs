@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use crate::files::{self, TableError};
-use crate::output::one_line;
+use crate::words::output::one_line;
 
 use predicted::GraspedObject;
 

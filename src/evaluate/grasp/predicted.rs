@@ -14,8 +14,8 @@ use crate::grasp::GraspReport;
 use crate::grasp::curvature;
 use crate::grasp::forces::{GraspedPart, f_max, f_min};
 use crate::grasp::gripper::GripperProfile;
-use crate::output::one_line;
 use crate::units::GRAVITY_M_S2;
+use crate::words::output::one_line;
 
 /// gprop's own policy: F*.
 const GPROP: &str = "gprop";

@@ -10,13 +10,13 @@ use super::{VotingView, merged};
 use crate::consensus::masks::{PartMasks, part_masks};
 use crate::consensus::{self, Asked, Parts, SegmentedView, best_views};
 use crate::evaluate::parts::NO_PART;
+use crate::gaussians::Gaussians;
 use crate::materials::{Material, MaterialLibrary};
-use crate::progress::Progress;
-use crate::query::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
+use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
 use crate::query::{Answer, Answers, Outcome, SegmentAnswer};
-use crate::scene::gaussians::Gaussians;
 use crate::segment::{LabelMap, ViewSegments};
 use crate::vote::{self, AnsweredPart, MaterialField, ViewInput, VoteError};
+use crate::words::progress::Progress;
 
 /// A mask shows several materials if no true part covers this share of it.
 const ONE_MATERIAL_SHARE: f64 = 0.9;

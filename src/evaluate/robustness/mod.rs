@@ -17,10 +17,10 @@ use serde::Serialize;
 use crate::camera::Camera;
 use crate::consensus::{self, Asked};
 use crate::evaluate::parts::{TrueView, label_ious};
-use crate::output::one_line;
 use crate::scene::Scene;
 use crate::segment::ViewSegments;
 use crate::vote::{self, VoteError};
+use crate::words::output::one_line;
 use answers::Voters;
 pub use merge::merged;
 

@@ -12,10 +12,10 @@ use rayon::prelude::*;
 use super::atlas::Tile;
 use super::{Mesh, REACH, reach_of};
 use crate::camera::Camera;
+use crate::gaussians::Gaussians;
+use crate::numeric::nearest::Nearest;
 use crate::parts::Grid;
 use crate::render::sh_color;
-use crate::scene::gaussians::Gaussians;
-use crate::scene::nearest::Nearest;
 
 /// Side of the cells in which Gaussians are looked up, in cells of the object's grid.
 const COARSE: usize = 4;

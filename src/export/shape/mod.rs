@@ -18,8 +18,8 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::Model;
+use crate::gaussians::Gaussians;
 use crate::parts::Interior;
-use crate::scene::gaussians::Gaussians;
 pub use bake::Painter;
 pub use pieces::Piece;
 use solid::Solid;

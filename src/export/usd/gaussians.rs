@@ -6,7 +6,7 @@ use std::fmt::Write;
 
 use super::text::{extent, list, rounded, tuple};
 use crate::export::{Model, Rigid};
-use crate::scene::gaussians::{Gaussians, SH_C0};
+use crate::gaussians::{Gaussians, SH_C0};
 
 /// The standard deviations within which a Gaussian is drawn.
 const DRAWN: f64 = 3.0;

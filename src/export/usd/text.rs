@@ -1,6 +1,6 @@
 //! Values in USD's text format.
 
-use crate::output::one_line;
+use crate::words::output::one_line;
 
 /// A string literal of one line. Control characters are shown as escapes (the six characters `\u001b`), because USD does
 /// not read JSON's escapes for them; quotation marks and backslashes are escaped as in JSON.

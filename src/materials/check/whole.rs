@@ -7,8 +7,8 @@ use super::Findings;
 use crate::materials::stats::{LEAST_CITED, WELL_MEASURED, stats};
 use crate::materials::{Labels, Material, MaterialLibrary, fold};
 use crate::numeric::median;
-use crate::output::counted;
 use crate::units::Range;
+use crate::words::output::counted;
 
 pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
     names(library, findings);

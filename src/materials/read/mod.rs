@@ -15,8 +15,8 @@ use thiserror::Error;
 use super::bibliography::USER;
 use super::{Label, Labels};
 use crate::files;
-use crate::output::counted;
 use crate::units::{Range, ShoreScale};
+use crate::words::output::counted;
 
 pub use tables::{Placed, Tables, read_tables};
 use word::Mismatch;

@@ -10,7 +10,7 @@ mod seam;
 use super::grid::Grid;
 use super::grid::splat_cells::splat;
 use super::grid::surface::{NONE, Surface, distance_to};
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 
 /// A surface cell with less summed opacity than this counts as unseen and takes its label from the seen surface around
 /// it.

@@ -6,7 +6,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::Grid;
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 
 /// A Gaussian is evaluated out to this many standard deviations; beyond, 1.1 % of its opacity or less is left.
 const REACH: f64 = 3.0;

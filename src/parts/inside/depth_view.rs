@@ -6,8 +6,8 @@
 //! within 0.6 mm in either direction; half of the pixels are within 0.5 mm (hammer) to 2.5 mm (chair).
 
 use crate::camera::{Camera, Intrinsics};
+use crate::gaussians::Gaussians;
 use crate::render::{LANES, RenderOptions, Sink, Splat, TILE, TileRect, pixels, visit};
-use crate::scene::gaussians::Gaussians;
 
 /// The surface is where this share of the light is absorbed.
 const GONE: f32 = 0.5;

@@ -7,9 +7,9 @@
 //! cameras. It fails for open hollows (a cup counts as full) and counts the Gaussians' own width, about a cell, as
 //! material.
 
+use crate::gaussians::Gaussians;
 use crate::parts::grid::Grid;
 use crate::parts::grid::splat_cells::splat;
-use crate::scene::gaussians::Gaussians;
 
 /// Number of rays along the axes, out of six, that must meet skin.
 const RAYS_NEEDED: u8 = 5;

@@ -5,9 +5,9 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use super::depth_view::DepthView;
+use crate::gaussians::Gaussians;
 use crate::numeric::sphere_directions;
 use crate::parts::grid::Grid;
-use crate::scene::gaussians::Gaussians;
 
 /// Directions in which the extent is measured, spread evenly (Fibonacci sphere), in addition to the two directions of
 /// each axis. With 250 of them the bound of a ball is 1 % too large.

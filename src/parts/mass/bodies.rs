@@ -5,9 +5,9 @@
 
 use rayon::prelude::*;
 
+use crate::gaussians::Gaussians;
 use crate::parts::grid::surface::NONE;
 use crate::parts::grid::{Grid, Interior};
-use crate::scene::gaussians::Gaussians;
 
 /// A body has at least this share of its part's material.
 const BODY_SHARE: f64 = 0.05;

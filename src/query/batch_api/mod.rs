@@ -18,14 +18,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::asker::{AskError, Asker};
 use super::client::{Client, RequestCounts};
 use super::error::QueryError;
 use super::options::AnswerSource;
 use super::recorded::{Answerer, Asked, key};
-use super::sha256::Sha256Hex;
 use crate::error::UsageError;
-use crate::progress;
+use crate::query::ask::asker::{AskError, Asker};
+use crate::query::recorded::sha256::Sha256Hex;
+use crate::words::progress;
 
 pub use response::{AnswerLine, Answered, NotAnswered, lines};
 

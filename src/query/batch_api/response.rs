@@ -3,7 +3,7 @@
 use serde::Deserialize;
 use serde_json::Value;
 
-use crate::query::asker::{AskError, ReplyContent};
+use crate::query::ask::asker::{AskError, ReplyContent};
 use crate::query::client::read_completion;
 use crate::query::recorded::Usage;
 

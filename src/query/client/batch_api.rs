@@ -10,7 +10,7 @@ use serde_json::json;
 
 use super::retry::Attempt;
 use super::{Client, MAX_REPLY_BYTES, response};
-use crate::query::asker::AskError;
+use crate::query::ask::asker::AskError;
 
 /// The only completion window that the API offers.
 const WINDOW: &str = "24h";

@@ -8,7 +8,7 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
-use crate::query::asker::Ask;
+use crate::query::ask::asker::Ask;
 
 /// The features of the API that a server accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]

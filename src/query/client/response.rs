@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde_json::Value;
 
 use super::retry::Attempt;
-use crate::query::asker::{AskError, Reply, ReplyContent};
+use crate::query::ask::asker::{AskError, Reply, ReplyContent};
 use crate::query::recorded::Usage;
 
 /// Only the answer itself must have the API's form: it was paid for, whatever else the server writes.

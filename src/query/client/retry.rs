@@ -4,7 +4,7 @@ use std::time::{Duration, SystemTime};
 
 use reqwest::header::{HeaderMap, RETRY_AFTER};
 
-use crate::query::asker::AskError;
+use crate::query::ask::asker::AskError;
 
 /// How a request failed.
 #[derive(Debug)]

@@ -18,10 +18,10 @@ use serde_json::Value;
 use crate::files;
 use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
-use crate::query::queries::Queries;
+use crate::query::ask::queries::Queries;
 use crate::query::question::Question;
+use crate::query::question::segment_query::SegmentQuery;
 use crate::query::recorded::{Answerer, Asked, Recording, RecordingError, Recordings};
-use crate::query::segment_query::SegmentQuery;
 use form::{FormMaterial, FormQuery, FormText};
 
 const QUERIES: &str = "queries.jsonl";

@@ -9,7 +9,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::query::sha256::Sha256Hex;
+use crate::query::recorded::sha256::Sha256Hex;
 use crate::workdir;
 
 /// A question that only this process may ask until this value is dropped.

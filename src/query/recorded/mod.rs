@@ -8,12 +8,13 @@
 
 mod lock;
 mod mask;
+pub(in crate::query) mod sha256;
 mod store;
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::sha256::Sha256Hex;
+use crate::query::recorded::sha256::Sha256Hex;
 pub use lock::QuestionLock;
 pub use mask::Mask;
 pub use store::{Miss, RecordingError, Recordings, Who};

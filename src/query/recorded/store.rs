@@ -9,7 +9,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use super::lock::QuestionLock;
 use super::{Answerer, Asked, FORMAT, MASK_IOU, Recording, key};
 use crate::query::Match;
-use crate::query::sha256::Sha256Hex;
+use crate::query::recorded::sha256::Sha256Hex;
 use crate::workdir::{self, TEMPORARY};
 
 /// All recordings that were read, and where new ones are written.

@@ -10,7 +10,7 @@ mod tracks;
 use nalgebra::{Point3, UnitQuaternion};
 
 use super::cloud::{Cloud, Sphere, gzip};
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 use crate::simulate::SimulationReport;
 pub use rigid::Path;
 use tracks::Tracks;

@@ -18,21 +18,21 @@ use crate::grasp::GraspReport;
 use crate::grasp::candidates::Candidate;
 use crate::materials::MaterialLibrary;
 use crate::materials::stats::Provenance;
-use crate::part_name::part_name;
 use crate::parts::Part;
 use crate::pictures::palette;
 use crate::query::Answers;
 use crate::simulate::{RigidReport, SimulationReport, animation, plot, script};
 use crate::units::Estimate;
 use crate::vote::FieldLabel;
+use crate::words::part_name::part_name;
 
 use super::force_scale::force_scale;
 use super::style;
 use super::tables;
 use super::weighing::sentences;
 use super::{Cloud, Motion, Pictures, Report};
-use crate::output::{counted, thousands};
-use crate::readable::{self, figures, interval, significant};
+use crate::words::output::{counted, thousands};
+use crate::words::readable::{self, figures, interval, significant};
 
 /// The page's own scripts, in the order in which they build on each other.
 const SCRIPTS: [&str; 5] = [

@@ -2,13 +2,13 @@
 
 use serde::Serialize;
 
-use crate::part_name::part_name;
 use crate::pictures::palette;
-use crate::readable::figures;
 use crate::report::motion::Path;
 use crate::report::{Cloud, Motion, Report, Sphere};
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::{FieldLabel, field_ply};
+use crate::words::part_name::part_name;
+use crate::words::readable::figures;
 
 use super::css;
 

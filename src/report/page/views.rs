@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 
 use minijinja::{Value, context};
 
-use crate::output::counted;
-use crate::part_name::part_name;
 use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, SegmentAnswer};
-use crate::readable::significant;
 use crate::report::{AnswerCounts, Disagreement, Pictures, Report, ViewPictures};
 use crate::vote::FieldLabel;
+use crate::words::output::counted;
+use crate::words::part_name::part_name;
+use crate::words::readable::significant;
 
 use super::{css, data_uri};
 

@@ -3,8 +3,8 @@
 
 use minijinja::{AutoEscape, Environment, Value, escape_formatter};
 
-use crate::output::harmless;
-use crate::output::thousands;
+use crate::words::output::harmless;
+use crate::words::output::thousands;
 
 /// Colours, fonts, tiles, tables.
 const STYLE: &str = include_str!("base.css");

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use super::gaussian_splatting::TrainingArguments;
 use super::{colmap, text_of};
 use crate::files;
-use crate::read_scope::ReadScope;
-use crate::scene::{Options, Reference, SceneError, view_names};
+use crate::files::read_scope::ReadScope;
+use crate::scene::photos::view_names;
+use crate::scene::{Options, Reference, SceneError};
 
 /// A camera file and its kind.
 #[derive(Debug, Clone, PartialEq, Eq)]

@@ -79,7 +79,7 @@ impl Focal {
 
 impl Declared {
     /// The intrinsics for the declared size, or for the photo's own if none is declared.
-    pub(super) fn intrinsics(&self, photo: (u32, u32)) -> Result<Intrinsics, FrameProblem> {
+    pub(in crate::scene) fn intrinsics(&self, photo: (u32, u32)) -> Result<Intrinsics, FrameProblem> {
         let (width, height) = self.size.unwrap_or(photo);
         let (w, h) = (positive("width", width.into())?, positive("height", height.into())?);
         let fx = positive("focal length x", self.fx.pixels(w))?;

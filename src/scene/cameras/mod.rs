@@ -4,23 +4,23 @@
 //! 2. One reader per format turns a camera file into [`Frame`]s: [`transforms`] (nerfstudio, instant-ngp, Blender),
 //!    [`colmap`], [`gaussian_splatting`] (the `cameras.json` of a 3DGS output folder).
 //! 3. [`dataparser`]: nerfstudio trains in its own frame; the cameras are moved to that frame, which is the splat's.
-//! 4. [`photos`]: the photo of each frame on disk, its actual size, its mask.
+//! 4. [`find_photos`]: the photo of each frame on disk, its actual size, its mask.
 
+pub mod align;
 pub mod colmap;
 pub mod dataparser;
 mod find;
-mod frame;
+pub(super) mod frame;
 pub mod gaussian_splatting;
-mod photos;
 pub mod transforms;
 
 use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
+pub(super) use crate::scene::photos::find::find_photos;
 pub(super) use find::{CameraSource, Kind, Places, choose};
 pub use frame::{Declared, Focal, Frame, FrameProblem};
-pub(super) use photos::find_photos;
 
 use super::SceneError;
 use crate::files;

@@ -14,8 +14,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 
+use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
-use crate::scene::gaussians::Gaussians;
 
 /// Radius of the ball: with the usual field of view of 50 to 60 degrees, an object that fills the picture has a radius
 /// of about half the distance.

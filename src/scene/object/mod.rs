@@ -4,13 +4,15 @@
 //! the object alone; if not, the object is the densest cluster that the cameras look at (`cluster`).
 
 mod cluster;
+pub mod outliers;
+pub(super) mod up;
 
 use nalgebra::Point3;
 use serde::Serialize;
 
-use super::gaussians::Gaussians;
-use super::photo::ForegroundSource;
 use super::{Options, SceneError, View};
+use crate::gaussians::Gaussians;
+use crate::scene::photos::ForegroundSource;
 
 /// How the object was separated from its surroundings.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]

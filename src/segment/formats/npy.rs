@@ -3,7 +3,7 @@
 use std::io::{self, Write};
 
 use super::super::{LabelMap, LabelMapError, Level};
-use crate::npy::{NpyArray, NpyError, write_npy};
+use crate::files::npy::{NpyArray, NpyError, write_npy};
 
 impl LabelMap {
     /// Writes the map as `[height, width]`, or as `planes` identical copies of it.

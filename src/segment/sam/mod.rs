@@ -17,13 +17,13 @@ use std::path::Path;
 use super::error::SegmentError;
 use super::options::DecoderRuntime;
 use crate::files;
+pub use crate::sam::LOGITS_SIDE;
 use crate::setup::{self, Doctor, ModelFiles};
 use cache::Cache;
 pub use decoder::Wanted;
 use decoder::{Decoder, Prepared};
 use encoder::Encoder;
 pub use external::digest as model_digest;
-pub use gprop_kernels::mask_decoder::LOGITS_SIDE;
 use mismatch::Mismatch;
 
 /// Side of the square picture that the encoder sees.

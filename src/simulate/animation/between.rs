@@ -13,8 +13,8 @@
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
+use crate::gaussians::Gaussians;
 use crate::numeric;
-use crate::scene::gaussians::Gaussians;
 
 /// The cosine of half the angle between axes up to which they are the same axes: about 50 degrees. A flipped or exchanged
 /// axis turns them by 90 degrees or more.

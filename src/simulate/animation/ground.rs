@@ -4,7 +4,7 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 use crate::simulate::SimulationReport;
 
 const BACKGROUND: [f32; 3] = [0.96, 0.96, 0.97];

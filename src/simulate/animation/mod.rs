@@ -14,13 +14,13 @@ use serde::Serialize;
 
 use super::SimulationReport;
 use crate::camera::{Camera, Distortion};
+use crate::config::option_values::from_to;
 use crate::film::gif::Gif;
 use crate::film::mp4::Mp4;
 use crate::film::{self, FilmError, GIF_SAMPLES, Size};
-use crate::option_values::from_to;
-use crate::progress::Progress;
+use crate::gaussians::Gaussians;
 use crate::render::{self, RenderOptions};
-use crate::scene::gaussians::Gaussians;
+use crate::words::progress::Progress;
 use between::Motion;
 use camera::cameras_around;
 use ground::Ground;

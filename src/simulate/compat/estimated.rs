@@ -17,8 +17,8 @@ use super::config::{Config, LawName};
 use super::law::{Law as PeerLaw, Strength};
 use super::particle::Particle;
 use crate::materials::Law;
+use crate::mpm::laws::von_mises;
 use crate::simulate::material::{POISSON_CAP, Soften};
-use crate::simulate::mpm::laws::von_mises;
 use crate::vote::FieldLabel;
 
 /// Number of cells along each side of the grid, whose side is 2: the peer's default.

@@ -1,7 +1,7 @@
 //! `--compat physgaussian`: reproduces runs of the public PhysGaussian solver, here called the peer (Xie et al.,
 //! *PhysGaussian: Physics-Integrated 3D Gaussians for Generative Dynamics*, 2024; its solver `mpm_solver_warp`).
 //!
-//! This is a simple solver, separate from the fast one in [`super::mpm`]: it does exactly what the peer does, including
+//! This is a simple solver, separate from the fast one in [`crate::mpm`]: it does exactly what the peer does, including
 //! its defects, in the peer's order and precision. The phases:
 //! 1. [`config`]: the peer's JSON file, all of its keys;
 //!    or [`estimated`]: the materials that gprop found, Gaussian by Gaussian;

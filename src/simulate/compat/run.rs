@@ -9,10 +9,10 @@ use super::estimated::{Estimated, EstimatedMaterial};
 use super::particle::Particle;
 use super::setup::{Setup, set_up};
 use super::solver::{Lost, Solver};
-use crate::progress::Progress;
-use crate::scene::gaussians::Gaussians;
+use crate::gaussians::Gaussians;
 use crate::simulate::SimulateError;
 use crate::simulate::frames::Moved;
+use crate::words::progress::Progress;
 
 /// A frame in numbers, in the peer's box.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]

@@ -11,8 +11,8 @@ use super::estimated::Estimated;
 use super::filling::{self, Blob};
 use super::particle::Particle;
 use super::strength_at;
-use crate::scene::gaussians::Gaussians;
-use crate::scene::nearest::Nearest;
+use crate::gaussians::Gaussians;
+use crate::numeric::nearest::Nearest;
 use crate::simulate::SimulateError;
 
 /// From the world (scene units) to the box: rotated, moved to the origin, scaled, and moved to the box's middle.

@@ -6,8 +6,8 @@
 use nalgebra::{Isometry3, Matrix3, Matrix6, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 
 use super::face::Face;
-use crate::simulate::mpm::base_cell;
-use crate::simulate::mpm::particles::Particle;
+use crate::mpm::base_cell;
+use crate::mpm::particles::Particle;
 
 /// A particle of a body.
 #[derive(Debug, Clone)]

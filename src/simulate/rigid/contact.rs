@@ -17,7 +17,7 @@ use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, Vector2, Vector3};
 
 use super::body::{Body, Velocities};
 use super::coupling::about_center;
-use crate::simulate::boundary::{Boundary, Contact};
+use crate::mpm::boundary::{Boundary, Contact};
 
 /// Gap below which a point counts as touching, as a share of the body's radius: a body that rolls over a corner moves
 /// it by the square of the angle turned in a step.

@@ -19,8 +19,8 @@ use std::collections::{BTreeMap, HashMap};
 use nalgebra::{Matrix3, Matrix6, Rotation3, Vector3, Vector6};
 
 use super::body::{Body, Member};
-use crate::simulate::mpm::particles::{LED_WEIGHT, Motion};
-use crate::simulate::mpm::{DRIFT, Solver};
+use crate::mpm::particles::{LED_WEIGHT, Motion};
+use crate::mpm::{DRIFT, Solver};
 
 /// A particle of a body that takes part in the grid's substeps.
 #[derive(Debug, Clone, Copy, PartialEq)]

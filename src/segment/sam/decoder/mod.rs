@@ -4,7 +4,7 @@
 //! 2. `four_masks`: finds the logits of all masks and their predicted IoU. An export that returns only the best of its
 //!    four masks still computes all of them as internal values.
 //! 3. `onnx_runtime`: ONNX Runtime runs the whole export for every prompt.
-//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder ([`gprop_kernels::mask_decoder`]) with the
+//! 4. `native`: ONNX Runtime runs the prompt encoder, and gprop the mask decoder ([`crate::sam`]) with the
 //!    parameters that `weights` finds in the export, several times faster. It is used if the export has SAM's parameters
 //!    under their names and the results of both agree on a trial.
 
@@ -16,7 +16,7 @@ mod weights;
 
 use std::path::Path;
 
-use gprop_kernels::mask_decoder::PreparedEmbedding;
+use crate::sam::PreparedEmbedding;
 
 use super::super::error::SegmentError;
 use super::super::options::DecoderRuntime;

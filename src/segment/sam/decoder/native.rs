@@ -1,7 +1,7 @@
-//! The mask decoder computed by gprop ([`gprop_kernels::mask_decoder`]). ONNX Runtime runs what comes before the transformer:
+//! The mask decoder computed by gprop ([`crate::sam`]). ONNX Runtime runs what comes before the transformer:
 //! the prompt encoder, and once per image the embedding and its positional encoding.
 
-use gprop_kernels::mask_decoder::{CHANNELS, MASKS, MaskDecoder, PreparedEmbedding, Scratch, TOKENS};
+use crate::sam::{CHANNELS, MASKS, MaskDecoder, PreparedEmbedding, Scratch, TOKENS};
 use ort::session::{Session, SessionOutputs};
 
 use super::super::graph::Model;

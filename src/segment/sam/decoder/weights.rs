@@ -3,8 +3,8 @@
 //! Exporters rename the matrices of linear layers (`onnx::MatMul_1926`) but not the biases, so a matrix is identified
 //! as the factor of the product to which its bias is added.
 
-use gprop_kernels::mask_decoder::weights::{Attention, HIDDEN, Layer, Linear, Norm, Weights};
-use gprop_kernels::mask_decoder::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
+use crate::sam::weights::{Attention, HIDDEN, Layer, Linear, Norm, Weights};
+use crate::sam::{CHANNELS, INNER, MASKS, UPSCALED, UPSCALED_TWICE};
 
 use super::super::graph::{Constants, Model};
 use super::super::mismatch::Mismatch;

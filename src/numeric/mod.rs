@@ -1,0 +1,88 @@
+//! Numerical functions and constants for several modules: medians, intervals, directions spread evenly over a sphere, rigid
+//! motions, and the linear light of sRGB colours.
+
+pub mod nearest;
+
+use std::f64::consts::PI;
+
+use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
+
+/// Half-width of a 90 % interval of a normal distribution, in standard deviations.
+pub const NORMAL_90: f64 = 1.645;
+
+/// The median; for an even number of values the mean of the two in the middle. `None` if there are none.
+pub fn median(mut values: Vec<f64>) -> Option<f64> {
+    values.sort_by(f64::total_cmp);
+    let half = values.len() / 2;
+    let upper = *values.get(half)?;
+    Some(if values.len() % 2 == 1 { upper } else { 0.5 * (values[half - 1] + upper) })
+}
+
+/// The median as one of the values: for an even number of them, the larger of the two in the middle. `None` if there
+/// are none.
+pub fn upper_median(mut values: Vec<f64>) -> Option<f64> {
+    let half = values.len() / 2;
+    (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
+}
+
+/// Unit vectors spread evenly over the sphere: a Fibonacci lattice (Gonzalez 2010).
+pub fn sphere_directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
+    let golden_angle = PI * (3.0 - 5.0_f64.sqrt());
+    (0..count).map(move |i| {
+        let z = 1.0 - (2 * i + 1) as f64 / count as f64;
+        let (sin, cos) = (golden_angle * i as f64).sin_cos();
+        let across = (1.0 - z * z).sqrt();
+        Vector3::new(across * cos, across * sin, z)
+    })
+}
+
+/// The rigid motion that brings the first point of each pair nearest to the second: the one with the least sum of squared
+/// distances (Kabsch 1976).
+pub fn rigid_motion(pairs: impl Iterator<Item = (Point3<f64>, Point3<f64>)> + Clone) -> Isometry3<f64> {
+    let (count, from, to) = pairs.clone().fold((0, Vector3::zeros(), Vector3::zeros()), |(count, from, to), (a, b)| {
+        (count + 1, from + a.coords, to + b.coords)
+    });
+    if count == 0 {
+        return Isometry3::identity();
+    }
+    let (from, to) = (from / f64::from(count), to / f64::from(count));
+    let correlation: Matrix3<f64> = pairs.map(|(a, b)| (b.coords - to) * (a.coords - from).transpose()).sum();
+    let svd = SVD::new(correlation, true, true);
+    let (u, v_t) = (svd.u.expect("asked for"), svd.v_t.expect("asked for"));
+    let flip = Matrix3::from_diagonal(&Vector3::new(1.0, 1.0, (u * v_t).determinant().signum()));
+    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(u * flip * v_t));
+    Isometry3::from_parts(Translation3::from(to - turn * from), turn)
+}
+
+/// The linear light of an sRGB channel, 0 to 1 (IEC 61966-2-1).
+pub fn srgb_light(channel: u8) -> f64 {
+    let c = f64::from(channel) / 255.0;
+    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn medians_of_odd_and_even_numbers() {
+        let both = |values: &[f64]| (median(values.to_vec()), upper_median(values.to_vec()));
+        assert_eq!(both(&[]), (None, None));
+        assert_eq!(both(&[3.0]), (Some(3.0), Some(3.0)));
+        assert_eq!(both(&[5.0, 1.0, 3.0]), (Some(3.0), Some(3.0)));
+        assert_eq!(both(&[4.0, 1.0, 2.0, 9.0]), (Some(3.0), Some(4.0)));
+    }
+
+    #[test]
+    fn directions_are_units_and_even() {
+        let directions: Vec<_> = sphere_directions(500).collect();
+        assert!(directions.iter().all(|direction| (direction.norm() - 1.0).abs() < 1e-12));
+        // Their mean is the origin, and every direction has its share of neighbours within a tenth of the sphere.
+        assert!(directions.iter().sum::<Vector3<f64>>().norm() / 500.0 < 1e-3);
+        let within = |axis: Vector3<f64>| directions.iter().filter(|one| one.dot(&axis) > 0.8).count();
+        for axis in [Vector3::x(), Vector3::y(), Vector3::z(), -Vector3::z()] {
+            // A cap with cosine 0.8 is a tenth of the sphere.
+            assert!((45..=55).contains(&within(axis)), "{}", within(axis));
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! The interface of whatever answers questions: the client of a server, or a stand-in in a test.
+
+use super::budget::{Account, NotSent};
+use super::cost::Cost;
+use crate::query::question::Question;
+use crate::query::recorded::{Answerer, Usage};
+use crate::setup::Offline;
+
+/// A question with its picture.
+#[derive(Debug, Clone, Copy)]
+pub struct Ask<'a> {
+    pub question: &'a Question,
+    /// JPEG.
+    pub picture: &'a [u8],
+    /// Set when an earlier response could not be used.
+    pub correction: Option<Correction<'a>>,
+}
+
+/// A response that could not be used, and the prompt to correct it.
+#[derive(Debug, Clone, Copy)]
+pub struct Correction<'a> {
+    pub response: &'a str,
+    pub prompt: &'a str,
+}
+
+/// The response to a question.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Reply {
+    pub content: ReplyContent,
+    /// `None` if the server reports no usage or an implausible one.
+    pub usage: Option<Usage>,
+    /// The name that the server gives its model.
+    pub served_model: Option<String>,
+}
+
+/// A model's reply to a question.
+#[derive(Debug, Clone, PartialEq)]
+pub enum ReplyContent {
+    Text(String),
+    /// The model refused to answer, with its reason.
+    Refusal(String),
+    /// The model used up its tokens without answering; the text says how.
+    Empty(String),
+}
+
+/// Why there is no reply.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum AskError {
+    /// This request failed, even after retries; another may succeed.
+    #[error("{0}")]
+    Failed(String),
+    /// No request can succeed: wrong key, unknown model, unreachable server.
+    #[error("{0}")]
+    Fatal(String),
+    /// The budget does not permit another request.
+    #[error(transparent)]
+    NotSent(#[from] NotSent),
+    /// No connection may be opened.
+    #[error(transparent)]
+    Offline(#[from] Offline),
+}
+
+/// Answers one question at a time; called from several threads at once.
+pub trait Asker: Sync {
+    /// The name and settings under which answers are recorded.
+    fn answerer(&self) -> &Answerer;
+
+    /// How many questions may be in progress at the same time.
+    fn parallel(&self) -> usize;
+
+    /// Checks that questions can be asked at all.
+    ///
+    /// # Errors
+    /// If they cannot, so that every request would fail.
+    fn ready(&self) -> Result<(), AskError> {
+        Ok(())
+    }
+
+    /// Tells the user, before the first request of a run, where the pictures are sent, how many there are and what they
+    /// may cost.
+    fn announce(&self, _pictures: usize, _cost: &Cost) {}
+
+    /// Waits for the answer. Every request has its own entry in the account.
+    fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError>;
+}

@@ -1,0 +1,12 @@
+//! Asks: [`rounds`] decides what to ask next, [`run`] takes answers from recordings ([`replay`]) and asks an [`asker`] for
+//! the rest ([`live`]), within a [`budget`] that knows what a request may [`cost`].
+
+pub mod asker;
+pub mod budget;
+pub mod cost;
+pub(super) mod live;
+pub(super) mod queries;
+pub(super) mod replay;
+pub mod rounds;
+pub(super) mod run;
+pub(super) mod size;

@@ -1,0 +1,126 @@
+//! Every segment of every view with its sheet and its questions: what can be replayed, asked or exported.
+
+use rayon::prelude::*;
+
+use super::cost::{Cost, Price};
+use super::size::SizeQuery;
+use crate::materials::MaterialLibrary;
+use crate::query::answer::{Problem, Unknown};
+use crate::query::error::QueryError;
+use crate::query::options::{Context, Options};
+use crate::query::question::prompt::Prompts;
+use crate::query::question::segment_query::SegmentQuery;
+use crate::query::question::sheet::Drawer;
+use crate::query::question::{About, Question, Questions};
+use crate::query::recorded::sha256::Sha256Hex;
+use crate::query::recorded::{Asked, Mask};
+use crate::scene::Photo;
+use crate::segment::LabelMap;
+
+/// One view with its segments or parts.
+#[derive(Debug, Clone, Copy)]
+pub struct ViewInput<'a> {
+    /// Unique among the views.
+    pub name: &'a str,
+    pub photo: &'a Photo,
+    /// As large as the photo.
+    pub map: &'a LabelMap,
+    /// The ids in the map to ask about.
+    pub ids: &'a [u16],
+}
+
+/// Everything that may be asked about a scene.
+#[derive(Debug)]
+pub struct Queries<'a> {
+    /// By view in the order of the views, then by segment id.
+    pub segments: Vec<SegmentQuery>,
+    /// The question about the size of the object, if it is to be asked.
+    pub size: Option<&'a SizeQuery>,
+    pub questions: Questions,
+    pub library: &'a MaterialLibrary,
+    pub prompts: &'a Prompts,
+    pub options: &'a Options,
+}
+
+impl<'a> Queries<'a> {
+    /// Draws the sheet of every segment and writes the questions.
+    pub fn prepare(
+        views: &[ViewInput],
+        library: &'a MaterialLibrary,
+        prompts: &'a Prompts,
+        options: &'a Options,
+        about: About,
+    ) -> Result<Self, QueryError> {
+        let questions = Questions::new(prompts, library, (options.guidance, options.context), about)?;
+        let mut segments = Vec::new();
+        for view in views {
+            segments.extend(segments_of(view, options.context, options.sheet_size)?);
+        }
+        Ok(Self { segments, size: None, questions, library, prompts, options })
+    }
+
+    /// Checks a response to what was asked.
+    ///
+    /// # Errors
+    /// The problem with the response.
+    ///
+    /// # Returns
+    /// `None` if it is none of these questions.
+    pub fn check(&self, asked: &Asked, response: &str, unknown: Unknown) -> Option<Result<(), Problem>> {
+        if let Some(size) = self.size.filter(|size| size.question.is(asked)) {
+            return Some(size.read(response).map(drop));
+        }
+        let question = self.questions.find(asked)?;
+        Some(self.questions.read(question, response, self.library, unknown).map(drop))
+    }
+
+    /// The estimated cost of asking about the size, as in [`Self::cost`]; zero if it is not to be asked.
+    pub fn cost_of_size(&self, price: Option<&Price>) -> Cost {
+        let cost = |size: &SizeQuery| {
+            Cost::of_request(&[&size.question.prompt], size.shown.sheet_size, self.options.lmm_max_tokens, price)
+        };
+        self.size.map_or_else(Cost::default, cost)
+    }
+
+    /// The estimated cost of asking these questions, each answered at the first try.
+    pub fn cost<'p>(
+        &self,
+        questions: impl Iterator<Item = (&'p SegmentQuery, &'p Question)>,
+        price: Option<&Price>,
+    ) -> Cost {
+        questions.fold(Cost::default(), |cost, (segment, question)| {
+            let tokens = self.options.lmm_max_tokens;
+            cost.plus(Cost::of_request(&[&question.prompt], segment.sheet_size, tokens, price))
+        })
+    }
+}
+
+fn segments_of(view: &ViewInput, context: Context, sheet_size: u32) -> Result<Vec<SegmentQuery>, QueryError> {
+    let (map, photo) = (view.map, view.photo);
+    if (map.width, map.height) != photo.rgb.dimensions() {
+        return Err(QueryError::SizeMismatch {
+            view: view.name.into(),
+            map: (map.width, map.height),
+            photo: photo.rgb.dimensions(),
+        });
+    }
+    let photo_sha256 = Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw());
+    let drawer = Drawer::new(photo, map, context, sheet_size);
+    let mut ids = view.ids.to_vec();
+    ids.sort_unstable();
+    ids.into_par_iter()
+        .map(|segment| {
+            let sheet =
+                drawer.sheet(segment).ok_or_else(|| QueryError::EmptySegment { view: view.name.into(), segment })?;
+            Ok(SegmentQuery {
+                view: view.name.into(),
+                segment,
+                photo_sha256: photo_sha256.clone(),
+                mask: Mask::of_segment(map, segment),
+                sheet_sha256: sheet.pixels_sha256(),
+                sheet_size: sheet.picture.dimensions(),
+                jpeg: sheet.jpeg(),
+            })
+        })
+        .collect()
+}

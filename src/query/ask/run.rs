@@ -1,0 +1,376 @@
+//! The stage: answers from recordings first, then from the asker, several segments at once.
+
+use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::mpsc;
+
+use rayon::prelude::*;
+use serde::Serialize;
+
+use super::asker::Asker;
+use super::budget::{Budget, Spent};
+use super::cost::{Cost, Price};
+use super::live::{Live, Stop};
+use super::queries::Queries;
+use super::replay::{self, Replayed};
+use super::size::{Size, SizeAnswer, SizeOutcome, SizeQuery};
+use crate::query::answer::Problem;
+use crate::query::error::{MissingSegment, QueryError};
+use crate::query::options::AnswerSource;
+use crate::query::question::Question;
+use crate::query::question::segment_query::SegmentQuery;
+use crate::query::recorded::sha256::Sha256Hex;
+use crate::query::recorded::{Answerer, Asked, Miss, Recordings};
+use crate::query::{Answers, Match, Outcome, SegmentAnswer};
+use crate::words::progress::Progress;
+
+/// The estimate before anything is sent.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Preview {
+    /// Questions whose answers are recorded and those that are then due.
+    pub segments: usize,
+    /// Questions whose answer is recorded.
+    pub recorded: usize,
+    /// The most questions that there may be in all, if answers disagree and parts consist of several materials.
+    pub at_most: usize,
+    /// Cost of asking those that are due.
+    pub cost: Cost,
+}
+
+/// The text that follows "questions: ".
+impl std::fmt::Display for Preview {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let Self { segments, recorded, at_most, cost } = self;
+        let more = if at_most > segments {
+            format!(" (at most {at_most} if answers disagree or name several materials)")
+        } else {
+            String::new()
+        };
+        write!(f, "{segments}{more}, {recorded} recorded; to ask: {cost}")
+    }
+}
+
+/// All answers, and what they cost.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Run {
+    pub answers: Answers,
+    pub spent: Spent,
+}
+
+/// A segment that must be asked about, by its index among the segments.
+struct Open<'a> {
+    index: usize,
+    question: &'a Question,
+    so_far: Match,
+    miss: Miss,
+    /// Why the recorded answer cannot be used, if there is one.
+    problem: Option<Problem>,
+}
+
+/// The segments by what the recordings hold for them.
+struct Sorted<'a> {
+    answered: Vec<(usize, Outcome)>,
+    open: Vec<Open<'a>>,
+}
+
+impl Sorted<'_> {
+    /// Counts the segments whose recorded answers cannot be used as failed: nobody is asked again.
+    fn fail_unusable(&mut self) {
+        let open = std::mem::take(&mut self.open);
+        let (unusable, open): (Vec<Open>, Vec<Open>) = open.into_iter().partition(|open| open.problem.is_some());
+        self.open = open;
+        let failed = |open: Open| Some((open.index, replay::unusable(open.problem?)));
+        self.answered.extend(unusable.into_iter().filter_map(failed));
+    }
+}
+
+impl Queries<'_> {
+    /// How much is recorded, and what asking about the rest would cost. `answerer` is the one that would be asked.
+    pub fn preview(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Preview {
+        let sorted = self.sort(recordings, answerer);
+        let (asks_size, has_size) = (usize::from(self.size.is_some()), self.has_size(recordings, answerer));
+        let cost_of_size = if has_size { Cost::default() } else { self.cost_of_size(price) };
+        Preview {
+            segments: self.segments.len() + asks_size,
+            recorded: sorted.answered.len() + usize::from(has_size),
+            at_most: self.segments.len() + asks_size,
+            cost: self.cost_of(&sorted.open, price).plus(cost_of_size),
+        }
+    }
+
+    /// The outcome of every segment that is recorded, in their order. `answerer` is the one that would be asked.
+    pub fn recorded(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<Option<Outcome>> {
+        let mut outcomes: Vec<Option<Outcome>> = vec![None; self.segments.len()];
+        for (index, outcome) in self.sort(recordings, answerer).answered {
+            outcomes[index] = Some(outcome);
+        }
+        outcomes
+    }
+
+    /// The segments that are not recorded, each with the question to be asked next; then the whole object, if its size is
+    /// to be asked and is not recorded. `answerer` is the one that would be asked.
+    pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&SegmentQuery, &Question)> {
+        let sorted = self.sort(recordings, answerer);
+        let segments = sorted.open.into_iter().map(|open| (&self.segments[open.index], open.question));
+        let size = self.size.filter(|_| !self.has_size(recordings, answerer));
+        segments.chain(size.map(|size| (&size.shown, &size.question))).collect()
+    }
+
+    /// True if the size is to be asked and is recorded.
+    fn has_size(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> bool {
+        self.size.is_some_and(|size| self.recorded_size(size, recordings, answerer).is_ok())
+    }
+
+    fn recorded_size(
+        &self,
+        size: &SizeQuery,
+        recordings: &Recordings,
+        answerer: Option<&Answerer>,
+    ) -> Result<Size, Miss> {
+        match self.options.answers {
+            AnswerSource::Live => Err(Miss::Live),
+            _ => replay::replay_size(size, recordings, replay::who(answerer, self.options)),
+        }
+    }
+
+    /// The answer about the size of the object: recorded, or asked now and recorded. `None` if it is not asked for.
+    ///
+    /// # Errors
+    /// As for [`Self::run`], but [`QueryError::MissingSize`] if it is not recorded and there is no asker.
+    pub fn size(
+        &self,
+        recordings: &Recordings,
+        asker: Option<&dyn Asker>,
+        budget: &Budget,
+        progress: Progress,
+    ) -> Result<Option<SizeAnswer>, QueryError> {
+        let Some(query) = self.size else { return Ok(None) };
+        let view = query.shown.view.clone();
+        let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
+        let outcome = match (self.recorded_size(query, recordings, asker.map(Asker::answerer)), asker) {
+            (Ok(size), _) => SizeOutcome::Answered(size),
+            (Err(miss), None) => return Err(QueryError::MissingSize { view, miss }),
+            (Err(_), Some(asker)) => {
+                check_ready(asker, 1)?;
+                let cost = self.cost_of_size(budget.price());
+                check_budget(&cost, asker.answerer(), budget)?;
+                recordings.check_writable()?;
+                asker.announce(1, &cost);
+                let live = Live { queries: self, recordings, asker, budget, progress };
+                let asked = live.size(query).map_err(|stop| live.error(stop, 1))?;
+                asked.map_or_else(SizeOutcome::Failed, SizeOutcome::Answered)
+            }
+        };
+        Ok(Some(SizeAnswer { view, outcome }))
+    }
+
+    /// Asks about the first segment that is not recorded and whose question is `due`, and returns that question with the
+    /// outcome; `None` if there is none. Nothing is announced.
+    pub fn ask_first(
+        &self,
+        recordings: &Recordings,
+        asker: &dyn Asker,
+        budget: &Budget,
+        mut due: impl FnMut(&SegmentQuery, &Question) -> bool,
+    ) -> Result<Option<(Asked, Outcome)>, QueryError> {
+        let sorted = self.sort(recordings, Some(asker.answerer()));
+        let is_due = |open: &Open| due(&self.segments[open.index], open.question);
+        let Some(at) = sorted.open.iter().position(is_due) else { return Ok(None) };
+        let first = &sorted.open[at];
+        let mut answer = None;
+        check_ready(asker, sorted.open.len())?;
+        recordings.check_writable()?;
+        let live = Live { queries: self, recordings, asker, budget, progress: Progress::Hidden };
+        ask_all(&live, std::slice::from_ref(first), &mut |_, outcome| answer = Some(outcome))?;
+        Ok(answer.map(|outcome| (self.segments[first.index].asked(first.question), outcome)))
+    }
+
+    /// The recordings that answer any segment, whoever answered: all others are unused by these views and options.
+    pub fn used(&self, recordings: &Recordings) -> BTreeSet<Sha256Hex> {
+        let segments = self.segments.par_iter();
+        segments
+            .flat_map_iter(|segment| self.questions.all().map(move |question| segment.asked(question)))
+            .chain(self.size.map(|size| size.shown.asked(&size.question)))
+            .flat_map_iter(|asked| recordings.serving(&asked))
+            .collect()
+    }
+
+    /// Answers every segment: from `recordings`, and from `asker` if they have no answer.
+    ///
+    /// The result has the answers in the order of the segments. A segment that could not be answered is a typed failure
+    /// among the answers and is not recorded. Requests are entered in `budget`, which holds the budget and may have entries
+    /// of earlier runs.
+    ///
+    /// # Errors
+    /// [`QueryError::Missing`] if an answer is not recorded and there is no asker. An error if the budget does not
+    /// suffice, if the server cannot answer at all, or if a recording cannot be saved.
+    pub fn run(
+        &self,
+        recordings: &Recordings,
+        asker: Option<&dyn Asker>,
+        budget: &Budget,
+        progress: Progress,
+    ) -> Result<Run, QueryError> {
+        let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
+        let mut sorted = self.sort(recordings, asker.map(Asker::answerer));
+        if asker.is_none() {
+            sorted.fail_unusable();
+        }
+        let bar = progress.bar("query", self.segments.len() as u64);
+        let mut outcomes: Vec<Option<SegmentAnswer>> = vec![None; self.segments.len()];
+        let mut keep = |index: usize, outcome: Outcome| {
+            let segment = &self.segments[index];
+            bar.inc(1);
+            outcomes[index] = Some(SegmentAnswer { view: segment.view.clone(), segment: segment.segment, outcome });
+        };
+
+        match asker {
+            _ if sorted.open.is_empty() => {}
+            None => return Err(self.missing(&sorted.open)),
+            Some(asker) => {
+                check_ready(asker, sorted.open.len())?;
+                let cost = self.cost_of(&sorted.open, budget.price());
+                check_budget(&cost, asker.answerer(), budget)?;
+                recordings.check_writable()?;
+                asker.announce(sorted.open.len(), &cost);
+            }
+        }
+        for (index, outcome) in sorted.answered {
+            keep(index, outcome);
+        }
+        if let Some(asker) = asker {
+            let live = Live { queries: self, recordings, asker, budget, progress };
+            ask_all(&live, &sorted.open, &mut keep)?;
+        }
+        bar.finish_and_clear();
+        Ok(Run { answers: Answers { segments: outcomes.into_iter().flatten().collect() }, spent: budget.spent() })
+    }
+
+    fn sort(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Sorted<'_> {
+        let who = replay::who(answerer, self.options);
+        let replay = |segment| match self.options.answers {
+            AnswerSource::Live => {
+                Replayed::Missing { question: self.questions.first(), miss: Miss::Live, so_far: Match::Exact }
+            }
+            AnswerSource::Replay | AnswerSource::Record => replay::replay(self, segment, recordings, who),
+        };
+        let replayed: Vec<Replayed> = self.segments.par_iter().map(replay).collect();
+        let mut sorted = Sorted { answered: Vec::new(), open: Vec::new() };
+        for (index, replayed) in replayed.into_iter().enumerate() {
+            match replayed {
+                Replayed::Answered(outcome) => sorted.answered.push((index, *outcome)),
+                Replayed::Missing { question, miss, so_far } => {
+                    sorted.open.push(Open { index, question, so_far, miss, problem: None });
+                }
+                Replayed::Unusable { question, problem, so_far } => {
+                    sorted.open.push(Open { index, question, so_far, miss: Miss::Unusable, problem: Some(problem) });
+                }
+            }
+        }
+        sorted
+    }
+
+    /// The cost of the open questions and of those that may follow them.
+    fn cost_of(&self, open: &[Open], price: Option<&Price>) -> Cost {
+        let chain = self.questions.longest_chain();
+        let with_next = open.iter().flat_map(|open| {
+            let is_first = std::ptr::eq(open.question, chain[0]);
+            let next = if is_first { &chain[1..] } else { &[] };
+            std::iter::once(open.question).chain(next.iter().copied()).map(|next| (&self.segments[open.index], next))
+        });
+        self.cost(with_next, price)
+    }
+
+    /// The cost of asking about the open segments whose questions are `due`: about the first `at_once` of them live, and
+    /// about the others through the Batch API.
+    pub fn submission_cost(
+        &self,
+        recordings: &Recordings,
+        answerer: &Answerer,
+        price: Option<&Price>,
+        at_once: usize,
+        mut due: impl FnMut(&SegmentQuery, &Question) -> bool,
+    ) -> (Cost, Cost) {
+        let open = self.unanswered(recordings, Some(answerer));
+        let is_due = |(segment, question): &(&SegmentQuery, &Question)| due(segment, question);
+        let due: Vec<(&SegmentQuery, &Question)> = open.into_iter().filter(is_due).collect();
+        let (now, later) = due.split_at(at_once.min(due.len()));
+        let cost = |due: &[(&SegmentQuery, &Question)]| self.cost(due.iter().copied(), price);
+        (cost(now), cost(later).by_batch_api())
+    }
+
+    fn missing(&self, open: &[Open]) -> QueryError {
+        let missing = open.iter().map(|open| {
+            let segment = &self.segments[open.index];
+            MissingSegment { view: segment.view.clone(), segment: segment.segment, miss: open.miss }
+        });
+        QueryError::Missing { segments: self.segments.len(), missing: missing.collect() }
+    }
+}
+
+/// Checks that asking for `cost` stays within the budget.
+fn check_budget(cost: &Cost, answerer: &Answerer, budget: &Budget) -> Result<(), QueryError> {
+    let Some(max_usd) = budget.max_usd() else { return Ok(()) };
+    match cost.usd {
+        None => Err(QueryError::NoPrice { model: answerer.model.clone() }),
+        Some(usd) => {
+            let spent = budget.spent();
+            if usd + spent.usd.unwrap_or(0.0) > max_usd {
+                return Err(QueryError::OverBudget { requests: cost.requests, usd, max_usd, spent });
+            }
+            Ok(())
+        }
+    }
+}
+
+/// Checks that the asker can be asked about `segments` open segments.
+fn check_ready(asker: &dyn Asker, segments: usize) -> Result<(), QueryError> {
+    asker.ready().map_err(|error| QueryError::NotReady { error, segments })
+}
+
+/// Asks about all open segments with as many threads as the asker allows; `keep` gets each outcome on this thread as it
+/// arrives.
+fn ask_all(live: &Live, open: &[Open], keep: &mut dyn FnMut(usize, Outcome)) -> Result<(), QueryError> {
+    let next = AtomicUsize::new(0);
+    let (sender, receiver) = mpsc::channel();
+    let mut answered = 0;
+    let mut stop = None;
+    std::thread::scope(|scope| {
+        for _ in 0..live.asker.parallel().max(1).min(open.len()) {
+            let sender = sender.clone();
+            let next = &next;
+            scope.spawn(move || {
+                while !live.budget.is_closed()
+                    && let Some(open) = open.get(next.fetch_add(1, Ordering::Relaxed))
+                {
+                    let outcome = live.answer(&live.queries.segments[open.index], open.question, open.so_far);
+                    if sender.send((open.index, outcome)).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        for (index, outcome) in receiver {
+            match outcome {
+                Ok(Some(outcome)) => {
+                    answered += 1;
+                    keep(index, outcome);
+                }
+                Ok(None) => {}
+                Err(reason) => {
+                    live.budget.close();
+                    // The first reason is reported, but a paid answer that could not be saved takes precedence.
+                    if stop.as_ref().is_none_or(|told: &Stop| reason.is_unkept() && !told.is_unkept()) {
+                        stop = Some(reason);
+                    }
+                }
+            }
+        }
+    });
+    let left = open.len() - answered;
+    match stop {
+        None => Ok(()),
+        Some(stop) => Err(live.error(stop, left)),
+    }
+}

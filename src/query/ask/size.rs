@@ -1,0 +1,128 @@
+//! The question about the object as a whole: what it is, and how long such an object is. It is asked only with
+//! `--scale estimate`.
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use crate::query::Failure;
+use crate::query::answer::Problem;
+use crate::query::options::Options;
+use crate::query::question::Question;
+use crate::query::question::prompt::{PromptError, Prompts};
+use crate::query::question::schema::Schema;
+use crate::query::question::segment_query::SegmentQuery;
+use crate::query::question::sheet::Sheet;
+use crate::query::recorded::Mask;
+use crate::query::recorded::sha256::Sha256Hex;
+use crate::scene::Photo;
+use crate::units::Range;
+
+const M_PER_CM: f64 = 1e-2;
+/// The least ratio of the two ends: a picture does not tell the length of an object more precisely than to 2 %.
+const NARROWEST: f64 = 1.02;
+
+/// The question, with the picture of one view.
+#[derive(Debug)]
+pub struct SizeQuery {
+    /// The object in that view.
+    pub shown: SegmentQuery,
+    pub question: Question,
+}
+
+/// The length of the object, or why it is unknown. Written as `size.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct SizeAnswer {
+    /// The view in which the object was shown.
+    pub view: String,
+    #[serde(flatten)]
+    pub outcome: SizeOutcome,
+}
+
+/// A size, or why there is none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "status", rename_all = "snake_case")]
+pub enum SizeOutcome {
+    Answered(Size),
+    Failed(Failure),
+}
+
+/// The answer to the question.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Size {
+    /// The object, as the model names it.
+    pub object: String,
+    /// The clues from which the length follows, in the model's words.
+    pub clues: String,
+    /// Holds the true length in nine of ten cases, as the model believes.
+    pub longest_side_m: Range,
+}
+
+/// The fields of `prompts/size.schema.json`.
+#[derive(Debug, Deserialize)]
+struct Written {
+    object: String,
+    clues: String,
+    longest_side_cm: Range,
+}
+
+impl SizeQuery {
+    /// The number of the whole object, which no segment or part has.
+    pub const WHOLE: u16 = 0;
+
+    /// The question about the object in `photo`, which is that of `view`.
+    pub fn new(view: &str, photo: &Photo, prompts: &Prompts, options: &Options) -> Result<Self, PromptError> {
+        let sheet = Sheet::of_object(photo, options.sheet_size);
+        let (file, schema) = prompts.size_schema();
+        Ok(Self {
+            shown: SegmentQuery {
+                view: view.to_owned(),
+                segment: Self::WHOLE,
+                photo_sha256: Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw()),
+                mask: Mask::of_foreground(&photo.foreground),
+                sheet_sha256: sheet.pixels_sha256(),
+                sheet_size: sheet.picture.dimensions(),
+                jpeg: sheet.jpeg(),
+            },
+            question: Question::new(prompts.size().to_owned(), Schema::new(file, schema.clone(), &[], &[])?),
+        })
+    }
+
+    /// Reads a response to the question.
+    pub fn read(&self, response: &str) -> Result<Size, Problem> {
+        let value = self.question.schema.check(response).map_err(|problem| Problem::invalid(problem.to_string()))?;
+        read(value)
+    }
+}
+
+fn read(value: Value) -> Result<Size, Problem> {
+    let Written { object, clues, longest_side_cm: Range { low, high } } =
+        serde_json::from_value(value).map_err(|error| Problem::invalid(format!("{error}.")))?;
+    let (low, high) = (low.min(high), low.max(high));
+    if !(low > 0.0 && high.is_finite()) {
+        return Err(Problem::invalid("longest_side_cm: a length is more than 0; give the range in cm.".into()));
+    }
+    let wider = (NARROWEST / (high / low)).sqrt().max(1.0);
+    let longest_side_m = Range::new(low / wider * M_PER_CM, high * wider * M_PER_CM);
+    Ok(Size { object: object.trim().into(), clues: clues.trim().into(), longest_side_m })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn length(low: f64, high: f64) -> Result<Range, String> {
+        let value = json!({ "object": " a hammer ", "clues": "its grip", "longest_side_cm": [low, high] });
+        read(value).map(|size| size.longest_side_m).map_err(|problem| problem.reason)
+    }
+
+    #[test]
+    fn lengths_are_in_metres_in_order_and_never_exact() {
+        assert_eq!(length(28.0, 35.0).unwrap(), Range::new(0.28, 0.35000000000000003));
+        assert_eq!(length(35.0, 28.0), length(28.0, 35.0));
+        let exact = length(100.0, 100.0).unwrap();
+        assert!((exact.high / exact.low - NARROWEST).abs() < 1e-12 && (exact.low * exact.high - 1.0).abs() < 1e-12);
+        assert!(length(0.0, 30.0).unwrap_err().contains("more than 0"));
+        assert!(length(-3.0, 30.0).is_err());
+    }
+}

@@ -1,0 +1,161 @@
+//! The questions about every segment: one prompt and schema, or a chain of two.
+//!
+//! Prompts and schemas do not depend on the segment (only the picture does), so servers that cache the beginning of a
+//! request process the long list of materials once.
+
+pub(super) mod prompt;
+pub mod schema;
+pub(super) mod segment_query;
+pub mod sheet;
+
+use std::collections::BTreeMap;
+
+use super::Answer;
+use super::answer::{self, Problem, Unknown};
+use super::options::{Context, Guidance};
+use super::recorded::Asked;
+use crate::materials::MaterialLibrary;
+use crate::materials::fillings::FillingKind;
+use crate::query::question::prompt::{PromptError, Prompts};
+use crate::query::question::schema::Schema;
+use crate::query::recorded::sha256::Sha256Hex;
+
+/// One prompt with the schema of its answer.
+#[derive(Debug)]
+pub struct Question {
+    pub prompt: String,
+    pub prompt_sha256: Sha256Hex,
+    pub schema: Schema,
+}
+
+/// The subjects of the questions.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum About {
+    /// Parts of the object, including their contents.
+    Parts,
+    /// Segments of a view, as the paper asks.
+    Segments,
+}
+
+impl Question {
+    /// The question with this prompt, whose answers follow `schema`.
+    pub fn new(prompt: String, schema: Schema) -> Self {
+        Self { prompt_sha256: Sha256Hex::of(&prompt), prompt, schema }
+    }
+
+    /// True if this is what was asked.
+    pub fn is(&self, asked: &Asked) -> bool {
+        self.prompt_sha256 == asked.prompt_sha256 && *self.schema.sha256() == asked.schema_sha256
+    }
+}
+
+/// The first question and those that may follow it.
+#[derive(Debug)]
+pub struct Questions {
+    first: Question,
+    /// If the first question asks for the family, the question about the materials of each family; otherwise empty.
+    by_family: BTreeMap<String, Question>,
+}
+
+/// The result of a valid response.
+pub enum Reading<'a> {
+    Answered(Box<Answer>),
+    Next(&'a Question),
+}
+
+impl Questions {
+    /// The questions for a library, with the given prompts.
+    pub fn new(
+        prompts: &Prompts,
+        library: &MaterialLibrary,
+        (guidance, context): (Guidance, Context),
+        about: About,
+    ) -> Result<Self, PromptError> {
+        let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
+        match guidance {
+            Guidance::OneQuestion => {
+                Ok(Self { first: material(prompts, library, &families, (context, about))?, by_family: BTreeMap::new() })
+            }
+            Guidance::FamilyFirst => {
+                let schema = Schema::new("family.schema.json", prompts.family_schema().clone(), &families, &[])?;
+                let prompt = prompts.family(context, &families.join("; "))?;
+                let by_family = families
+                    .iter()
+                    .map(|family| Ok(((*family).to_owned(), material(prompts, library, &[family], (context, about))?)))
+                    .collect::<Result<_, PromptError>>()?;
+                Ok(Self { first: Question::new(prompt, schema), by_family })
+            }
+        }
+    }
+
+    /// The first question about every segment.
+    pub fn first(&self) -> &Question {
+        &self.first
+    }
+
+    /// The longest chain of questions that a segment may need.
+    pub fn longest_chain(&self) -> Vec<&Question> {
+        let longest = self.by_family.values().max_by_key(|question| question.prompt.len());
+        std::iter::once(&self.first).chain(longest).collect()
+    }
+
+    /// Every question that a segment may be asked.
+    pub fn all(&self) -> impl Iterator<Item = &Question> {
+        std::iter::once(&self.first).chain(self.by_family.values())
+    }
+
+    /// The question that was asked, if it is one of these.
+    pub fn find(&self, asked: &Asked) -> Option<&Question> {
+        self.all().find(|question| question.is(asked))
+    }
+
+    /// Reads a response to `question`.
+    pub fn read(
+        &self,
+        question: &Question,
+        response: &str,
+        library: &MaterialLibrary,
+        unknown: Unknown,
+    ) -> Result<Reading<'_>, Problem> {
+        let value = question.schema.check(response).map_err(|problem| Problem::invalid(problem.to_string()))?;
+        if self.by_family.is_empty() || question.prompt_sha256 != self.first.prompt_sha256 {
+            return answer::read(value, library, unknown).map(|answer| Reading::Answered(Box::new(answer)));
+        }
+        let family = value["family"].as_str().unwrap_or_default();
+        let next = self.by_family.get(family);
+        next.map(Reading::Next).ok_or_else(|| Problem::invalid(format!("there is no family {family:?}.")))
+    }
+}
+
+fn material(
+    prompts: &Prompts,
+    library: &MaterialLibrary,
+    families: &[&str],
+    (context, about): (Context, About),
+) -> Result<Question, PromptError> {
+    let candidates: Vec<String> = families
+        .iter()
+        .map(|family| {
+            let names: Vec<&str> = library.of_family(family).map(|material| material.name.as_str()).collect();
+            format!("{family}: {}", names.join("; "))
+        })
+        .collect();
+    let candidates = candidates.join("\n");
+    let (prompt, (file, schema)) = match about {
+        About::Parts => (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema()),
+        About::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema()),
+    };
+    let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
+    Ok(Question::new(prompt, Schema::new(file, schema.clone(), families, &fillings)?))
+}
+
+/// The names of the fillings, one line for each kind.
+fn by_kind(library: &MaterialLibrary) -> String {
+    let line = |kind: FillingKind| {
+        let of_kind = library.fillings().iter().filter(|filling| filling.kind == kind);
+        let names: Vec<&str> = of_kind.map(|filling| filling.name.as_str()).collect();
+        (!names.is_empty()).then(|| format!("{}: {}", kind.name(), names.join("; ")))
+    };
+    let lines: Vec<String> = FillingKind::ALL.into_iter().filter_map(line).collect();
+    lines.join("\n")
+}
