@@ -124,9 +124,9 @@ fn agree(answers: &[&Answer]) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Failure;
     use super::*;
     use crate::materials::MaterialLibrary;
+    use crate::query::Failure;
 
     fn answer(family: &str, material: &str, several_materials: bool) -> Outcome {
         let (family, material) = (family.to_owned(), material.to_owned());
