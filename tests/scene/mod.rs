@@ -24,7 +24,7 @@ mod peer;
 mod photo;
 // PLY files of every kind, good and bad.
 mod ply;
-// The README's table: what you have, what to type.
+// The table of docs/formats.md: what you have, what to type.
 mod table;
 
 /// A failing case is printed in full; no file is kept beside the sources.

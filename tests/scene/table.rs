@@ -1,4 +1,4 @@
-//! Every row of the README's table "you have ... type": the folder is made as the row says, the command is run as
+//! Every row of the table "you have ... type" in `docs/formats.md`: the folder is made as the row says, the command is run as
 //! written there (up to a stage that needs no model), and its result is checked.
 
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ use super::folder::MadeUp;
 
 /// The last cell of each row, in order.
 fn commands() -> Vec<String> {
-    let readme = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("README.md")).unwrap();
-    let rows = readme.lines().skip_while(|line| !line.starts_with("| you have |")).skip(2);
+    let page = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/formats.md")).unwrap();
+    let rows = page.lines().skip_while(|line| !line.starts_with("| you have |")).skip(2);
     let rows = rows.take_while(|line| line.starts_with('|'));
     let last_cell = |line: &str| line.trim_end_matches(" |").rsplit("| ").next().unwrap().trim_matches('`').to_owned();
     rows.map(last_cell).collect()
@@ -133,7 +133,7 @@ fn every_row_of_the_readme_works() {
     let segments: Value = serde_json::from_slice(&segments).unwrap();
     assert_eq!(segments["views"]["002"]["segments"].as_array().unwrap().len(), 2, "{segments}");
 
-    // A room; the one Gaussian lies a little further out than the README's box reaches.
+    // A room; the one Gaussian lies a little further out than the page's box reaches.
     let command = next();
     let far = command.replace("-1,-1,-1:1,1,1", "-9,-9,-9:9,9,9");
     assert_eq!(views(&run(&far, &made_up().path(""), &[])), 4);
