@@ -305,6 +305,45 @@ fn rigid_bodies_exchange_momentum() {
     }
 }
 
+/// A rigid slab between soft material and a second rigid body that flies into it, so that both touch it in the same
+/// substeps: momentum stays, and no substep adds energy. The soft block is heavier than the slab, so that an impulse
+/// that the slab did not share with it would show.
+#[test]
+fn body_between_soft_material_and_a_second_body_keeps_momentum() {
+    let slab = Block { size_m: [0.1, 0.4, 0.4], density_kg_m3: 300.0, ..Block::default() };
+    let flying = Block {
+        low_m: [0.9, 0.9, 0.9],
+        size_m: [0.2, 0.4, 0.4],
+        density_kg_m3: 2000.0,
+        velocity_m_s: |_| Vector3::new(-1.0, 0.2, 0.1),
+        ..Block::default()
+    };
+    let soft = Block { low_m: [0.5, 0.8, 0.8], size_m: [0.3, 0.4, 0.4], ..Block::default() };
+    let mut particles = slab.particles();
+    let first = particles.len();
+    particles.extend(flying.particles());
+    let rigid = particles.len();
+    particles.extend(soft.particles());
+    let body_of = (0..particles.len()).map(|id| (id < rigid).then_some(u32::from(id >= first))).collect();
+    let mut object = object_of(&particles, body_of, soft.spacing_m, 0.0, vec![], None);
+    let momentum = |object: &Object| totals(&particles_of(object)).2;
+    let energy_j = |object: &Object| {
+        let particles = object.particles();
+        particles.kinetic_j() + (0..particles.count()).map(|id| particles.elastic_j(id)).sum::<f64>()
+    };
+    let (before, started_j) = (momentum(&object), energy_j(&object));
+    let mut last_j = started_j;
+    for substep in 0..400 {
+        run(&mut object, f64::from(soft.dt_s()), 1);
+        let (after, now_j) = (momentum(&object), energy_j(&object));
+        assert!((after - before).norm() < 1e-5 * before.norm(), "substep {substep}: {before} became {after}");
+        assert!(now_j < last_j + 1e-5 * started_j, "substep {substep}: {last_j} J became {now_j} J");
+        last_j = now_j;
+    }
+    let slab = &object.bodies()[0];
+    assert!(slab.state().velocity_m_s.x < -0.2, "the slab was hardly hit: {}", slab.state().velocity_m_s);
+}
+
 /// Two rods beside each other whose particles lie in the middle of a cell, so that both reach the nodes on one side with a
 /// weight of zero: the nodes have no mass, and the rods stay at rest.
 #[test]

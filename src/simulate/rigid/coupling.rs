@@ -6,10 +6,11 @@
 //! At the nodes that a single body reaches, deforming material sticks to it: these nodes move as the body does. Body
 //! and nodes are joined by conservation of momentum and angular momentum: if the body would move with the velocity
 //! field U without them, a node of mass m that would move at v gives it the impulse m (v - U), and m adds to the
-//! inertia that answers it. (If such nodes had a mean velocity of body and material instead, material under a lasting
-//! pressure p would creep into a body of density rho at p dt / (rho dx).) At a node that several bodies reach, they
-//! meet without sticking for good: the node has the mean velocity of all that is there by mass, and gives each body the
-//! change in momentum of the body's own mass there, as an impulse. What a body gains at its nodes, the others lose.
+//! inertia that answers every impulse on the body. (If such nodes had a mean velocity of body and material instead,
+//! material under a lasting pressure p would creep into a body of density rho at p dt / (rho dx).) At a node that
+//! several bodies reach, they meet without sticking for good: the node has the mean velocity of all that is there by
+//! mass, and gives each body the change in momentum of the body's own mass there, as an impulse, which the body shares
+//! with the nodes that it carries. What a body gains at its nodes, the others lose.
 //!
 //! As seen from the grid, each particle of a body is spread out by dx^2/4 along every axis, which its inertia includes
 //! ([`spread_m2`]).
@@ -184,7 +185,6 @@ pub fn join(
     };
     let mut inertias: Vec<Matrix6<f64>> = bodies.iter().map(Body::inertia_in_simulation).collect();
     let mut impulses = vec![Vector6::zeros(); bodies.len()];
-    let mut meetings = vec![Vector6::zeros(); bodies.len()];
     let mut carried = Vec::new();
     for (node, share) in shares.iter().enumerate() {
         let Some(body) = share.body else { continue };
@@ -207,7 +207,7 @@ pub fn join(
             let mean = sum.0 / sum.1;
             for (body, mass_kg) in all {
                 let push = (mean - free(body as usize, &arm(body))) * mass_kg;
-                meetings[body as usize] += about_center(&arm(body), &push);
+                impulses[body as usize] += about_center(&arm(body), &push);
             }
             With::Mean(mean)
         } else if mass > 0.0 {
@@ -223,7 +223,7 @@ pub fn join(
     let invert = |m: &Matrix6<f64>| m.try_inverse().unwrap_or_else(Matrix6::zeros);
     let responses: Vec<Matrix6<f64>> = inertias.iter().map(invert).collect();
     let impulse = |(body, own): (usize, &Body)| {
-        let all = own.inertia_in_simulation() * (responses[body] * impulses[body]) + meetings[body];
+        let all = own.inertia_in_simulation() * (responses[body] * impulses[body]);
         [all.fixed_rows::<3>(0).into(), all.fixed_rows::<3>(3).into()]
     };
     let impulses = bodies.iter().enumerate().map(impulse).collect();
