@@ -1,5 +1,7 @@
 //! The evidence from the views that the two Gaussians of a pair belong to different parts.
 
+use std::collections::BTreeMap;
+
 use rayon::prelude::*;
 
 use super::linkage::Border;
@@ -74,24 +76,13 @@ fn difference(a: &[Share], of_a: f32, b: &[Share], of_b: f32, segments: &ViewSeg
         return 0.0;
     }
     // Differences by segment; a segment's parent has a lower number, so that each is complete when its turn comes.
-    let mut open: Vec<(u16, f32)> = Vec::with_capacity(a.len() + b.len() + 4);
-    let add = |open: &mut Vec<(u16, f32)>, segment: u16, value: f32| match open
-        .iter_mut()
-        .find(|(other, _)| *other == segment)
-    {
-        Some((_, sum)) => *sum += value,
-        None => open.push((segment, value)),
-    };
-    a.iter().for_each(|share| add(&mut open, share.segment, share.light / of_a));
-    b.iter().for_each(|share| add(&mut open, share.segment, -share.light / of_b));
+    let mut open: BTreeMap<u16, f32> = BTreeMap::new();
+    a.iter().for_each(|share| *open.entry(share.segment).or_default() += share.light / of_a);
+    b.iter().for_each(|share| *open.entry(share.segment).or_default() -= share.light / of_b);
     let mut largest = 0.0f32;
-    while let Some(last) = (0..open.len()).max_by_key(|&n| open[n].0) {
-        let (segment, value) = open.swap_remove(last);
-        if segment == 0 {
-            break;
-        }
+    while let Some((segment, value)) = open.pop_last().filter(|(segment, _)| *segment != 0) {
         largest = largest.max(value.abs());
-        add(&mut open, segments.parent(segment), value);
+        *open.entry(segments.parent(segment)).or_default() += value;
     }
     largest
 }

@@ -19,7 +19,7 @@ pub(super) struct Share {
 /// The Gaussians that one view sees.
 pub(super) struct Membership {
     /// Gaussian `i` has `shares[starts[i]..starts[i + 1]]`, by segment.
-    starts: Vec<u32>,
+    starts: Vec<usize>,
     shares: Vec<Share>,
 }
 
@@ -27,7 +27,7 @@ impl Membership {
     pub fn new(gaussians: &Gaussians, view: &SegmentedView) -> Self {
         let projected = Projected::new(gaussians, view.camera, &RenderOptions::default());
         let found = contributions(gaussians.len(), projected, &view.segments.map.labels, Some);
-        let mut starts = vec![0u32; gaussians.len() + 1];
+        let mut starts = vec![0; gaussians.len() + 1];
         found.iter().for_each(|(gaussian, ..)| starts[*gaussian as usize + 1] += 1);
         for i in 0..gaussians.len() {
             starts[i + 1] += starts[i];
@@ -36,7 +36,7 @@ impl Membership {
     }
 
     pub fn of(&self, i: usize) -> &[Share] {
-        &self.shares[self.starts[i] as usize..self.starts[i + 1] as usize]
+        &self.shares[self.starts[i]..self.starts[i + 1]]
     }
 
     /// The light of every Gaussian in the view, in pixels.

@@ -188,7 +188,8 @@ fn weighables<'a>(
         volume: &composed.volumes[l],
         pieces: &pieces[l],
         is_wall: constructions[l] != Construction::Solid,
-        sleeve: only((0..shapes.len()).filter(|shell| composed.cores[*shell] == Some(l as u32))),
+        sleeve: only((0..shapes.len()).filter(|shell| composed.cores[*shell] == Some(l as u32)))
+            .map(|shell| field.labels[shell].id),
         hollow: composed.hollows[l].as_ref(),
     })
     .collect()

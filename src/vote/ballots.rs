@@ -28,7 +28,7 @@ pub(super) struct Ballot {
 /// The ballots of all Gaussians.
 pub(super) struct Ballots {
     /// Gaussian `i` has `ballots[starts[i]..starts[i + 1]]`.
-    starts: Vec<u32>,
+    starts: Vec<usize>,
     /// Sorted by Gaussian, then by view, then by segment.
     ballots: Vec<Ballot>,
 }
@@ -60,7 +60,7 @@ impl Ballots {
 
     /// The ballots for Gaussian `i`, by view, then by segment.
     pub fn of(&self, i: usize) -> &[Ballot] {
-        &self.ballots[self.starts[i] as usize..self.starts[i + 1] as usize]
+        &self.ballots[self.starts[i]..self.starts[i + 1]]
     }
 
     pub fn gaussians(&self) -> usize {
@@ -70,7 +70,7 @@ impl Ballots {
     /// Sorts by Gaussian with a counting sort, so the order by view and segment stays within a Gaussian. Each view is
     /// dropped as soon as it is read.
     pub fn sorted(gaussians: usize, of_views: Vec<Vec<(u32, Ballot)>>) -> Self {
-        let mut starts = vec![0u32; gaussians + 1];
+        let mut starts = vec![0; gaussians + 1];
         for (gaussian, _) in of_views.iter().flatten() {
             starts[*gaussian as usize + 1] += 1;
         }
@@ -78,10 +78,10 @@ impl Ballots {
             starts[i + 1] += starts[i];
         }
         let mut next = starts.clone();
-        let mut ballots = vec![Ballot { segment: 0, weight: 0.0 }; starts[gaussians] as usize];
+        let mut ballots = vec![Ballot { segment: 0, weight: 0.0 }; starts[gaussians]];
         for (gaussian, ballot) in of_views.into_iter().flatten() {
             let place = &mut next[gaussian as usize];
-            ballots[*place as usize] = ballot;
+            ballots[*place] = ballot;
             *place += 1;
         }
         Self { starts, ballots }

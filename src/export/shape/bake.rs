@@ -113,7 +113,7 @@ pub struct Painter<'a> {
     grid: Grid,
     depth: f64,
     /// Where the list of each coarse cell begins in `members`.
-    starts: Vec<u32>,
+    starts: Vec<usize>,
     members: Vec<u32>,
     met: Vec<Met>,
     nearest: Nearest,
@@ -142,13 +142,13 @@ impl<'a> Painter<'a> {
                 }
             }
         };
-        let mut starts = vec![0u32; coarse.len() + 1];
+        let mut starts = vec![0; coarse.len() + 1];
         each(&mut |cell, _| starts[cell + 1] += 1);
         (1..starts.len()).for_each(|n| starts[n] += starts[n - 1]);
-        let mut members = vec![0; starts[coarse.len()] as usize];
+        let mut members = vec![0; starts[coarse.len()]];
         let mut next = starts.clone();
         each(&mut |cell, i| {
-            members[next[cell] as usize] = i as u32;
+            members[next[cell]] = i as u32;
             next[cell] += 1;
         });
         let least = (1e-3 * grid.cell).powi(2);

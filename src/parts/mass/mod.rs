@@ -39,8 +39,8 @@ pub(super) struct Weighable<'a> {
     pub pieces: &'a [Piece],
     /// Whether its volume is that of a wall, whatever the answer's form: `--volume` may say otherwise.
     pub is_wall: bool,
-    /// The index of the label of the one shell that it fills, whose wall then takes from its volume.
-    pub sleeve: Option<usize>,
+    /// The id of the one shell that it fills, whose wall then takes from its volume.
+    pub sleeve: Option<u32>,
     pub hollow: Option<&'a Hollow>,
 }
 

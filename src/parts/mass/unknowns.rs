@@ -112,22 +112,35 @@ impl Effect {
 /// An unknown this near to its middle can go to either side.
 const AT_MIDDLE: f64 = 1e-3;
 
-/// The unknowns, each by its source and by what it belongs to.
+/// The thing that an unknown belongs to. Users name materials and fillings, so a name never stands for a part.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Owner {
+    /// The whole object: all of its parts share the unknown.
+    Object,
+    /// The part with this id.
+    Part(u32),
+    /// The material with this name.
+    Material(String),
+    /// The filling with this name.
+    Filling(String),
+}
+
+/// The unknowns, each by its source and its owner.
 #[derive(Debug, Default)]
 pub struct Unknowns {
-    names: Vec<(Source, String)>,
+    owners: Vec<(Source, Owner)>,
     /// How far each may go, down and up.
     bounds: Vec<[f64; 2]>,
 }
 
 impl Unknowns {
-    /// The number of the unknown of this source that belongs to `owner`.
-    pub fn number(&mut self, source: Source, owner: &str) -> usize {
-        let known = self.names.iter().position(|(s, name)| *s == source && name == owner);
+    /// The number of the unknown with this source and owner.
+    pub fn number(&mut self, source: Source, owner: &Owner) -> usize {
+        let known = self.owners.iter().position(|(s, known)| *s == source && known == owner);
         known.unwrap_or_else(|| {
-            self.names.push((source, owner.to_owned()));
+            self.owners.push((source, owner.clone()));
             self.bounds.push([f64::NEG_INFINITY, f64::INFINITY]);
-            self.names.len() - 1
+            self.owners.len() - 1
         })
     }
 
@@ -143,11 +156,11 @@ impl Unknowns {
     }
 
     pub fn source(&self, number: usize) -> Source {
-        self.names[number].0
+        self.owners[number].0
     }
 
     fn count(&self) -> usize {
-        self.names.len()
+        self.owners.len()
     }
 }
 
@@ -467,10 +480,10 @@ mod tests {
         Quantity { mid, effects: effects.iter().map(|(unknown, width)| (*unknown, symmetric(*width))).collect() }
     }
 
-    fn unknowns(count: usize) -> Unknowns {
+    fn unknowns(count: u32) -> Unknowns {
         let mut unknowns = Unknowns::default();
         (0..count).for_each(|n| {
-            unknowns.number(if n == 0 { Source::Method } else { Source::Density }, &n.to_string());
+            unknowns.number(if n == 0 { Source::Method } else { Source::Density }, &Owner::Part(n));
         });
         unknowns
     }

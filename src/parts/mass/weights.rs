@@ -2,7 +2,7 @@
 
 use super::Weighable;
 use super::moments::Moments;
-use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Quantity, Source, Unknowns, extremes};
+use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, Quantity, Source, Unknowns, extremes};
 use crate::parts::compose::volume::Volume;
 use crate::query::Form;
 use crate::units::{Estimate, Range};
@@ -55,9 +55,6 @@ impl Scale {
 /// Logarithm of the factor by which an unknown scale may be off.
 const ANY_SCALE: f64 = 7.0;
 
-/// The unknown that all volumes share.
-const SURFACE: &str = "surface";
-
 impl Weights {
     /// The masses of `weighables` in kilograms.
     pub fn new(weighables: &[Weighable], Scale { meters_per_unit: scale, range }: Scale) -> Self {
@@ -71,7 +68,7 @@ impl Weights {
         }
         let mut uncertain_scale = None;
         if let Some(Range { low, high }) = range {
-            let unknown = unknowns.number(Source::Scale, SURFACE);
+            let unknown = unknowns.number(Source::Scale, &Owner::Object);
             let effect = |power: f64| (unknown, Effect::of(Estimate::new(low, scale, high)).wider(power));
             for weight in &mut all {
                 // The area of a wall grows with the square of the scale, its thickness not at all.
@@ -145,15 +142,17 @@ impl Weights {
 
 fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -> Weight {
     let label = weighable.label;
-    let owner = label.id.to_string();
-    let wall_of = weighable.sleeve.map_or_else(|| owner.clone(), |sleeve| sleeve.to_string());
+    let owner = Owner::Part(label.id);
+    let wall_of = Owner::Part(weighable.sleeve.unwrap_or(label.id));
     let volume = volume(weighable.volume, scale, [&owner, &wall_of], unknowns);
     // A mixed part has a density of its own; all parts of one material have the same.
-    let name = if label.form == Form::Mixed { &owner } else { &label.material };
-    let guessed = if label.form == Form::Mixed { OVERCONFIDENCE } else { 1.0 };
+    let (dense, guessed) = match label.form {
+        Form::Mixed => (owner.clone(), OVERCONFIDENCE),
+        Form::Solid | Form::Shell { .. } => (Owner::Material(label.material.clone()), 1.0),
+    };
     let density = Quantity {
         mid: label.density_kg_m3.mid,
-        effects: vec![(unknowns.number(Source::Density, name), Effect::of(label.density_kg_m3).wider(guessed))],
+        effects: vec![(unknowns.number(Source::Density, &dense), Effect::of(label.density_kg_m3).wider(guessed))],
     };
     let wall = weighable.shape.thickness.filter(|_| weighable.is_wall).map(|thickness| Quantity {
         mid: thickness.mid * scale,
@@ -164,7 +163,7 @@ fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -
 
 fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -> Option<Weight> {
     let (hollow, filled) = weighable.filling()?;
-    let owner = weighable.label.id.to_string();
+    let owner = Owner::Part(weighable.label.id);
     let full = (1.0 / filled.share.mid).ln();
     let likely = Effect::of(filled.share).wider(OVERCONFIDENCE).at_most(full);
     let number = unknowns.number(Source::Filling, &owner);
@@ -173,7 +172,10 @@ fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns
     let volume = product(&volume(&hollow.volume, scale, [&owner, &owner], unknowns), &share);
     let density = Quantity {
         mid: filled.density_kg_m3.mid,
-        effects: vec![(unknowns.number(Source::Filling, &filled.filling), Effect::of(filled.density_kg_m3))],
+        effects: vec![(
+            unknowns.number(Source::Filling, &Owner::Filling(filled.filling.clone())),
+            Effect::of(filled.density_kg_m3),
+        )],
     };
     Some(Weight {
         of,
@@ -187,11 +189,11 @@ fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns
 }
 
 /// The volume of the part `owner`, which depends on the wall of `wall_of`.
-fn volume(volume: &Volume, scale: f64, [owner, wall_of]: [&str; 2], unknowns: &mut Unknowns) -> Quantity {
+fn volume(volume: &Volume, scale: f64, [owner, wall_of]: [&Owner; 2], unknowns: &mut Unknowns) -> Quantity {
     let wall = unknowns.number(Source::Wall, wall_of);
     unknowns.limit(wall, volume.wall, volume.wall_most);
     let effects = [
-        (unknowns.number(Source::Method, SURFACE), volume.method),
+        (unknowns.number(Source::Method, &Owner::Object), volume.method),
         (wall, volume.wall),
         (unknowns.number(Source::UnseenDepth, owner), volume.unseen),
     ];
