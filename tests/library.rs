@@ -96,6 +96,33 @@ fn errors_say_what_kind_they_are() {
     }
 }
 
+/// What a weighing changes in the belief about a part (here its density and its volume), the simulation, the report and
+/// the exports believe too.
+#[test]
+fn a_known_mass_counts_everywhere() {
+    let balls = Balls::new(1);
+    let mut options = options(&balls);
+    options.scene.scale = "0.3".parse().unwrap();
+    let open = |options: &Options| Pipeline::builder(balls.scene(0)).options(options.clone()).open().unwrap();
+    let expected = open(&options).parts().unwrap().object.mass_kg.mid;
+    options.parts.known_mass = Some(1.2 * expected);
+    let mut pipeline = open(&options);
+    let parts = pipeline.parts().unwrap();
+    let simulated = pipeline.simulation().unwrap().mass_kg;
+    let believed = parts.object.mass_kg.mid;
+    assert!((believed / expected - 1.2).abs() < 0.02, "{believed} kg, expected {expected} kg before the weighing");
+    // Masses of particles are in f32.
+    assert!((simulated / believed - 1.0).abs() < 1e-5, "{simulated} kg fall, but the parts weigh {believed} kg");
+    pipeline.run().unwrap();
+    let report = fs::read(balls.scene(0).join("gprop/report.json")).unwrap();
+    let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+    for part in &parts.parts {
+        let labels = report["labels"].as_array().unwrap();
+        let label = labels.iter().find(|label| label["id"] == part.id).unwrap();
+        assert_eq!(label["density_kg_m3"]["mid"], part.density_kg_m3.mid, "{}", part.caption);
+    }
+}
+
 /// For a report, a grasp that cannot be computed is a warning. Whoever asks for the grasp hears why; the plan stays.
 #[test]
 fn a_grasp_that_failed_says_why_after_a_run_too() {

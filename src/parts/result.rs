@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mass::unknowns::Source;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
+use crate::vote::FieldLabel;
 use crate::words::readable::significant;
 
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
@@ -50,6 +51,20 @@ impl Parts {
     /// The part with this id, of all its bodies.
     pub fn of_label(&self, id: u32) -> Option<Part> {
         self.bodies_by_label().find(|bodies| bodies[0].id == id).map(combined)
+    }
+
+    /// Whether a weighing has changed what is believed about them.
+    pub fn are_weighed(&self) -> bool {
+        self.known_mass.as_ref().is_some_and(|known| known.is_possible)
+    }
+
+    /// Gives each label the density that is believed of its part.
+    pub fn set_densities(&self, labels: &mut [FieldLabel]) {
+        for part in self.by_label() {
+            if let Some(label) = labels.iter_mut().find(|label| label.id == part.id) {
+                label.density_kg_m3 = part.density_kg_m3;
+            }
+        }
     }
 
     fn bodies_by_label(&self) -> impl Iterator<Item = &[Part]> {

@@ -21,10 +21,11 @@ impl Pipeline {
         let source = splat.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
         let cameras = self.scene.cameras();
         let scale = self.metric_scale()?;
+        let field = self.weighed_field()?;
         let model = Model {
             name: &self.scene.name,
             gaussians: &self.scene.gaussians,
-            field: self.stored_field()?,
+            field: &field,
             interior: self.interior()?,
             scale: scale.as_ref(),
             parts: parts.as_ref(),

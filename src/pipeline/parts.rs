@@ -1,6 +1,8 @@
 //! Parts on disk: in metres and kilograms if the scale is known, otherwise in scene units and without masses; and the
 //! object's inside, which later stages fill with material.
 
+use std::borrow::Cow;
+
 use anyhow::Result;
 use image::GrayImage;
 use rayon::prelude::*;
@@ -9,6 +11,7 @@ use serde::Serialize;
 use crate::parts::{self, Interior, Parts, Shape};
 use crate::scene::View;
 use crate::units::{Estimate, MetricScale, Range};
+use crate::vote::MaterialField;
 use crate::workdir::Artifact;
 
 use super::scene::file_digest;
@@ -109,6 +112,19 @@ impl Pipeline {
             None => None,
         };
         Ok(scale_after_weighing(self.scene.scale.clone(), parts.as_ref()))
+    }
+
+    /// The material field with the densities that a weighing of the object has corrected.
+    pub(super) fn weighed_field(&self) -> Result<Cow<'_, MaterialField>> {
+        let field = self.stored_field()?;
+        match self.stored_parts()?.filter(Parts::are_weighed) {
+            Some(parts) => {
+                let mut field = field.clone();
+                parts.set_densities(&mut field.labels);
+                Ok(Cow::Owned(field))
+            }
+            None => Ok(Cow::Borrowed(field)),
+        }
     }
 
     /// The parts in metres and kilograms; `None` if the scale is unknown.

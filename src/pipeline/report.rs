@@ -31,7 +31,7 @@ impl Pipeline {
         let report = self.report()?;
         let maps = self.settled_maps(self.stored_answers()?)?;
         let views = self.views.par_iter().zip(&maps);
-        let (gaussians, field) = (&self.scene.gaussians, self.stored_field()?);
+        let (gaussians, field) = (&self.scene.gaussians, &*self.weighed_field()?);
         let views = views.map(|(view, map)| ViewPictures::draw(view, map, gaussians, field));
         let answers = self.stored_answers()?;
         let sheets = answers.segments.par_iter().map(|segment| {
@@ -55,7 +55,7 @@ impl Pipeline {
 
     /// The result of a finished run.
     pub(crate) fn report(&self) -> Result<Report> {
-        let (scene, field) = (&self.scene, self.stored_field()?);
+        let (scene, field) = (&self.scene, self.weighed_field()?);
         let is_in =
             |record: &&StageRecord| record.name < Stage::Report && (self.simulates || record.name != Stage::Simulate);
         let before = self.record.stages.iter().filter(is_in);
@@ -87,7 +87,7 @@ impl Pipeline {
             },
             parts: self.stored_parts()?,
             labels: field.labels.clone(),
-            gaussians_per_label: gaussians_per_label(field),
+            gaussians_per_label: gaussians_per_label(&field),
             simulation: self.simulates.then(|| self.stored_simulation()).transpose()?,
             grasp: self.stored_grasp()?,
             warnings: before.clone().flat_map(|stage| remarks(stage, &stage.warnings)).collect(),

@@ -9,6 +9,7 @@ use rayon::prelude::*;
 use crate::camera::Camera;
 use crate::error::UsageError;
 use crate::gaussians::Gaussians;
+use crate::parts::{Interior, Parts};
 use crate::scene;
 use crate::scene::splat::ply;
 use crate::simulate::animation::{Film, Shooting};
@@ -169,6 +170,9 @@ impl Pipeline {
         let (Some(parts), Some(scale)) = (self.stored_parts()?, self.metric_scale()?) else {
             return Ok((materials, points));
         };
+        if parts.are_weighed() {
+            set_densities(&mut materials, &parts, interior, scale.meters_per_unit);
+        }
         if fillings == Fillings::Ignore {
             return Ok((materials, points));
         }
@@ -190,6 +194,21 @@ impl Pipeline {
             points.extend(own.into_iter().map(|(index, _, share)| point((index, label, share))));
         }
         Ok((materials, points))
+    }
+}
+
+/// Gives the material of each part the density with which its cells have the mass that is believed after the weighing,
+/// which also changes how much of its cells a part fills.
+fn set_densities(materials: &mut [Material], parts: &Parts, interior: &Interior, meters_per_unit: f64) {
+    let mut shown_m3 = vec![0.0; materials.len()];
+    let cell_m3 = (interior.grid.cell * meters_per_unit).powi(3);
+    interior.filled().for_each(|(_, label, share)| shown_m3[label as usize] += share * cell_m3);
+    for part in parts.by_label() {
+        let label = part.id as usize;
+        materials[label].density_kg_m3 = match part.mass_kg {
+            Some(mass) if shown_m3[label] > 0.0 => mass.mid / shown_m3[label],
+            _ => part.density_kg_m3.mid,
+        };
     }
 }
 
