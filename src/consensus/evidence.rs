@@ -86,3 +86,33 @@ fn difference(a: &[Share], of_a: f32, b: &[Share], of_b: f32, segments: &ViewSeg
     }
     largest
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::segment::{LabelMap, Level, Segment};
+
+    /// A Gaussian that is as large as the picture, in a map that a user brought with as many segments as a map can hold,
+    /// each within the last.
+    #[test]
+    fn two_gaussians_in_65_535_nested_segments_are_compared() {
+        let segment = |id| Segment {
+            id,
+            area: 1,
+            bbox: [0, 0, 1, 1],
+            predicted_iou: 0.9,
+            stability_score: 0.9,
+            level: Level::Small,
+            parent: id - 1,
+        };
+        let map = LabelMap { width: u32::from(u16::MAX), height: 1, labels: (1..=u16::MAX).collect() };
+        let segments = ViewSegments { view: "view".into(), map, segments: (1..=u16::MAX).map(segment).collect() };
+        let shares =
+            |from: u16| -> Vec<Share> { (from..=u16::MAX).map(|segment| Share { segment, light: 1.0 }).collect() };
+        let (all, deep) = (shares(1), shares(1 << 15));
+        assert_eq!(difference(&all, light(&all), &all, light(&all), &segments), 0.0);
+        // All of one Gaussian and half of the other lie in the segment in the middle.
+        let found = difference(&all, light(&all), &deep, light(&deep), &segments);
+        assert!((found - 0.5).abs() < 1e-3, "{found}");
+    }
+}

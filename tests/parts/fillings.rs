@@ -216,3 +216,23 @@ fn after_a_weighing_no_single_source_is_wider_than_all() {
         );
     }
 }
+
+/// Users name materials and fillings. One that is named like the id of a part shares no unknown with that part.
+#[test]
+fn a_material_or_filling_may_be_named_like_a_part() {
+    let named = |name: &str| {
+        let Contents::Filled(filled) = filling(1000.0, Estimate::new(0.5, 0.8, 0.9)) else { unreachable!() };
+        ball(Contents::Filled(Filled { filling: name.to_owned(), ..filled }), &Options::default()).object
+    };
+    assert_eq!(named("0"), named("water"));
+
+    let halves = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |n| u32::from(n.z > 0.0));
+    let gaussians = halves.gaussians(0.02);
+    let named = |name: &str| {
+        let mut field = halves.field(&[Form::Solid, Form::Mixed]);
+        field.labels.iter_mut().for_each(|label| label.density_kg_m3 = Estimate::new(800.0, 1000.0, 1250.0));
+        field.labels[0].material = name.to_owned();
+        measured(&gaussians, &field, Some(&SCALE), &Options::default()).object
+    };
+    assert_eq!(named("1"), named("water"));
+}
