@@ -2,6 +2,7 @@
 
 use crate::batch::BatchError;
 use crate::config::ConfigError;
+use crate::config::option_values::OptionError;
 use crate::error::{self, Error, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::grasp::OutcomesError;
@@ -56,6 +57,10 @@ impl Error {
 
 /// The exit code of an error: that of the first typed error in its chain. An error without a type is a bug.
 pub fn of(error: &anyhow::Error) -> Exit {
+    // Each stage's errors include those of its options.
+    if error.chain().any(<dyn std::error::Error>::is::<OptionError>) {
+        return Exit::Usage;
+    }
     error.chain().find_map(code).unwrap_or(Exit::Bug)
 }
 
@@ -86,9 +91,6 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
     }
     if let Some(ExportError::Scale(_) | ExportError::NoMass | ExportError::NoShape) = cause.downcast_ref() {
         return Some(Exit::Scene);
-    }
-    if let Some(PartsError::Option { .. }) = cause.downcast_ref() {
-        return Some(Exit::Usage);
     }
     if let Some(BatchError::Incomplete { .. }) = cause.downcast_ref() {
         return Some(Exit::Batch);

@@ -1,12 +1,18 @@
 //! The crate as other programs use it.
 
+use std::any::TypeId;
 use std::fs;
+use std::num::NonZeroUsize;
 
+use clap::{Arg, Args, Command};
 use gprop::exit::Exit;
+use gprop::gaussians::bounds::Bounds;
 use gprop::grasp::GraspError;
 use gprop::parts::PartsError;
 use gprop::pipeline::{Plan, Stage};
+use gprop::scene::{ObjectBox, ScaleChoice};
 use gprop::{Options, Pipeline};
+use nalgebra::Point3;
 
 use crate::batch::ball::Balls;
 use crate::batch::contents;
@@ -93,6 +99,105 @@ fn errors_say_what_kind_they_are() {
         let error = Options::of_scene(balls.scene(0)).unwrap_err();
         assert!(error.kind() == Exit::Usage && error.to_string().contains(words), "{error}");
         assert!(error.to_string().contains("gprop.toml"), "{error}");
+    }
+}
+
+/// Gives an option of a stage a value that it does not accept.
+type Spoil = fn(&mut Options);
+
+/// Every option of a stage that is a number, and values that it does not accept.
+const OUTSIDE: &[(&str, Spoil)] = &[
+    ("--views", |o| o.scene.views = NonZeroUsize::new(100_001).unwrap()),
+    ("--render-views", |o| o.scene.render_views = NonZeroUsize::new(100_001)),
+    ("--object-box", |o| {
+        o.scene.object_box = Some(ObjectBox(Bounds { min: Point3::origin(), max: [f64::NAN; 3].into() }));
+    }),
+    ("--scale", |o| o.scene.scale = ScaleChoice::Factor(f64::NAN)),
+    ("--scale", |o| o.scene.scale = ScaleChoice::BoundingBox { axis: 2, meters: -0.1 }),
+    ("--points-per-side", |o| o.segment.generator.points_per_side = 0),
+    ("--min-predicted-iou", |o| o.segment.generator.min_predicted_iou = f32::NAN),
+    ("--min-stability", |o| o.segment.generator.min_stability = 1.1),
+    ("--stability-offset", |o| o.segment.generator.stability_offset = f32::INFINITY),
+    ("--box-nms", |o| o.segment.generator.box_nms = -0.1),
+    ("--crop-layers", |o| o.segment.generator.crop_layers = 5),
+    ("--crop-nms", |o| o.segment.generator.crop_nms = f32::NAN),
+    ("--crop-overlap", |o| o.segment.generator.crop_overlap = 1.0),
+    ("--crop-points-downscale", |o| o.segment.generator.crop_points_downscale = 0),
+    ("--min-region-area", |o| o.segment.generator.min_region_area = u32::MAX),
+    ("--crop-margin", |o| o.segment.selection.crop_margin = f64::NAN),
+    ("--whole-object", |o| o.segment.selection.whole_object = f64::NAN),
+    ("--cull-iou", |o| o.segment.selection.cull_iou = 1.1),
+    ("--cull-score", |o| o.segment.selection.cull_score = -0.1),
+    ("--cull-inner", |o| o.segment.selection.cull_inner = f64::NAN),
+    ("--ask-views", |o| o.consensus.ask_views = NonZeroUsize::new(1001).unwrap()),
+    ("--sheet-size", |o| o.query.sheet_size = 0),
+    ("--lmm-temperature", |o| o.query.lmm_temperature = f64::NAN),
+    ("--lmm-max-tokens", |o| o.query.lmm_max_tokens = 0),
+    ("--lmm-parallel", |o| o.query.lmm_parallel = 0),
+    ("--lmm-timeout-s", |o| o.query.lmm_timeout_s = 0),
+    ("--lmm-wait-s", |o| o.query.lmm_wait_s = u64::MAX),
+    ("--lmm-retries", |o| o.query.lmm_retries = u32::MAX),
+    ("--max-usd", |o| o.query.max_usd = Some(f64::NAN)),
+    ("--max-usd", |o| o.query.max_usd = Some(f64::INFINITY)),
+    ("--neighbors", |o| o.vote.neighbors = NonZeroUsize::new(1001).unwrap()),
+    ("--volume-cells", |o| o.parts.volume_cells = 0),
+    ("--carve-views", |o| o.parts.carve_views = 0),
+    ("--fill-density", |o| o.parts.fill_density = 0.0),
+    ("--wall-m", |o| o.parts.wall_m = f64::NAN),
+    ("--min-body-share", |o| o.parts.min_body_share = 1.0),
+    ("--min-part-share", |o| o.parts.min_part_share = f64::NAN),
+    ("--known-mass", |o| o.parts.known_mass = Some(f64::NAN)),
+    ("--known-mass-error", |o| o.parts.known_mass_error = Some(0.0)),
+    ("--drop-height", |o| o.simulate.drop_height = -1.0),
+    ("--tilt-deg", |o| o.simulate.tilt_deg = f64::INFINITY),
+    ("--fixed-step", |o| o.simulate.fixed_step = Some(0.0)),
+    ("--max-simulation-minutes", |o| o.simulate.max_simulation_minutes = f64::NAN),
+    ("--duration", |o| o.simulate.duration = Some(f64::NAN)),
+    ("--frames", |o| o.simulate.frames = 0),
+    ("--frames", |o| o.simulate.frames = 1),
+    ("--grid", |o| o.simulate.grid = 0),
+    ("--gravity", |o| o.simulate.gravity = f64::NAN),
+    ("--ground-friction", |o| o.simulate.ground_friction = -1.0),
+    ("--max-stiffness", |o| o.simulate.max_stiffness = Some(0.0)),
+    ("--cfl", |o| o.simulate.cfl = 0.0),
+    ("--azimuth-deg", |o| o.simulate.viewpoint.azimuth_deg = Some(f64::NAN)),
+    ("--elevation-deg", |o| o.simulate.viewpoint.elevation_deg = 91.0),
+    ("--size", |o| o.simulate.viewpoint.film.size.width = 65),
+    ("--fps", |o| o.simulate.viewpoint.film.fps = 0),
+    ("--point", |o| o.grasp.point = Some([0.0, f64::NAN, 0.0])),
+    ("--lift-angle-deg", |o| o.grasp.lift_angle_deg = f64::NAN),
+    ("--max-curvature", |o| o.grasp.max_curvature = Some(0.0)),
+    ("--force-margin", |o| o.grasp.force_margin = 0.51),
+];
+
+/// A caller who sets a field is told the same as a user who types the flag.
+#[test]
+fn options_that_a_caller_sets_are_checked() {
+    let balls = Balls::new(1);
+    assert_eq!(Options::default().check(), Ok(()));
+    for (flag, spoil) in OUTSIDE {
+        let mut options = options(&balls);
+        spoil(&mut options);
+        assert_eq!(options.check().expect_err(flag).flag, *flag);
+        let error = Pipeline::builder(balls.scene(0)).options(options).open().err().expect(flag);
+        assert!(error.kind() == Exit::Usage && error.to_string().contains(flag), "{error}");
+    }
+    assert!(!balls.scene(0).join("gprop").exists());
+    let command = Options::augment_args(Command::new("gprop"));
+    let numbers = [
+        TypeId::of::<f32>(),
+        TypeId::of::<f64>(),
+        TypeId::of::<u32>(),
+        TypeId::of::<u64>(),
+        TypeId::of::<usize>(),
+        TypeId::of::<NonZeroUsize>(),
+    ];
+    let is_number = |argument: &&Arg| {
+        argument.get_action().takes_values() && numbers.iter().any(|id| argument.get_value_parser().type_id() == *id)
+    };
+    for argument in command.get_arguments().filter(is_number) {
+        let flag = format!("--{}", argument.get_long().unwrap());
+        assert!(OUTSIDE.iter().any(|(known, _)| *known == flag), "give {flag} a check and a line in OUTSIDE");
     }
 }
 

@@ -2,17 +2,19 @@
 
 use std::num::NonZeroUsize;
 
-use crate::config::option_values::above;
+use crate::config::option_values::{Domain, above, from_to};
 use crate::scene::dataset::Layout;
 
 use super::{BatchError, Shard};
 
 /// Each job is a separate process.
 const MOST_JOBS: NonZeroUsize = NonZeroUsize::new(1024).expect("it is not zero");
+const JOBS: Domain<NonZeroUsize> = from_to(NonZeroUsize::MIN, MOST_JOBS);
 /// A petabyte: more than any machine has.
 const MOST_GB: f64 = 1e6;
+const GIGABYTES: Domain<f64> = above(0.0, MOST_GB);
 /// Two years: a larger value is a mistake.
-const MOST_MINUTES: f64 = 1e6;
+const MINUTES: Domain<f64> = above(0.0, 1e6);
 
 /// Which scenes to run, how many at a time, and what to do with those that failed before.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -52,7 +54,7 @@ pub struct Options {
     pub memory: Option<f64>,
 
     /// End a scene whose process takes longer than this many minutes, and count it as failed [default: no limit]
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = above(0.0, MOST_MINUTES))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = MINUTES)]
     pub max_minutes: Option<f64>,
 
     /// Run failed scenes again
@@ -61,14 +63,14 @@ pub struct Options {
 }
 
 fn jobs(text: &str) -> Result<NonZeroUsize, String> {
-    let given = text.parse().ok().filter(|jobs| *jobs <= MOST_JOBS);
+    let given = text.parse().ok().filter(|jobs| JOBS.contains(*jobs));
     given.ok_or_else(|| {
         format!("give a number of scenes from 1 to {MOST_JOBS}, or omit it to run one scene per four threads")
     })
 }
 
 fn gigabytes(text: &str) -> Result<f64, String> {
-    let given = text.parse().ok().filter(|gigabytes: &f64| *gigabytes > 0.0 && *gigabytes <= MOST_GB);
+    let given = text.parse().ok().filter(|gigabytes| GIGABYTES.contains(*gigabytes));
     given.ok_or_else(|| {
         format!(
             "give a number of GB above 0, up to {MOST_GB}, such as 8 or 1.5, or omit it to use four fifths of the free \

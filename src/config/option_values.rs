@@ -1,12 +1,15 @@
-//! Parsers of options' values: numbers within a sensible domain, files and folders that exist. Invalid values are
-//! refused before anything is done, with the option's name, whether they were typed or set in `gprop.toml`. Default
-//! values are defined only beside their options; [`defaults`] reads them from there.
+//! The values that options accept: numbers within a sensible domain, files and folders that exist. Invalid values are
+//! refused before anything is done, with the option's name, whether they were typed, set in `gprop.toml`, or come from a
+//! caller of the library: a [`Domain`] parses what is typed, and each type of options has a `check` that applies the
+//! same domains to its fields. Default values are defined only beside their options; [`defaults`] reads them from there.
 
+use std::ffi::OsStr;
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use clap::{Arg, Command};
 
 /// The options of an empty command line: each has its default value.
 pub fn defaults<T: clap::Args>() -> T {
@@ -22,19 +25,46 @@ pub fn typed<T: clap::Args>(arguments: &[&str]) -> Result<T, clap::Error> {
     T::from_arg_matches(&command.try_get_matches_from(arguments)?)
 }
 
-/// A number from `low` to `high`.
-pub fn from_to<T: Number>(low: T, high: T) -> impl Parser<T> {
-    within(move |value: &T| *value >= low && *value <= high, format!("from {low} to {high}"))
+/// An option has a value that it does not accept.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("{flag} is {value}: {remedy}")]
+pub struct OptionError {
+    /// As it is typed.
+    pub flag: &'static str,
+    pub value: String,
+    /// The values that it accepts.
+    pub remedy: String,
 }
 
-/// A number above `low`, up to `high`.
-pub fn above<T: Number>(low: T, high: T) -> impl Parser<T> {
-    within(move |value: &T| *value > low && *value <= high, format!("above {low}, up to {high}"))
+/// The numbers that an option accepts.
+#[derive(Debug, Clone, Copy)]
+pub struct Domain<T> {
+    low: T,
+    high: T,
+    ends: Ends,
 }
 
-/// A number from `low` up to but not including `high`.
-pub fn below<T: Number>(low: T, high: T) -> impl Parser<T> {
-    within(move |value: &T| *value >= low && *value < high, format!("from {low} up to but not including {high}"))
+/// The ends of a domain that belong to it.
+#[derive(Debug, Clone, Copy)]
+enum Ends {
+    Both,
+    High,
+    Low,
+}
+
+/// The numbers from `low` to `high`.
+pub const fn from_to<T: Copy>(low: T, high: T) -> Domain<T> {
+    Domain { low, high, ends: Ends::Both }
+}
+
+/// The numbers above `low`, up to `high`.
+pub const fn above<T: Copy>(low: T, high: T) -> Domain<T> {
+    Domain { low, high, ends: Ends::High }
+}
+
+/// The numbers from `low` up to but not including `high`.
+pub const fn below<T: Copy>(low: T, high: T) -> Domain<T> {
+    Domain { low, high, ends: Ends::Low }
 }
 
 /// A numeric type of an option's value.
@@ -42,16 +72,64 @@ pub trait Number: FromStr + PartialOrd + Display + Copy + Send + Sync + 'static 
 
 impl<T: FromStr + PartialOrd + Display + Copy + Send + Sync + 'static> Number for T {}
 
-/// A value parser as clap expects it.
-pub trait Parser<T>: Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {}
+impl<T: Number> Domain<T> {
+    /// False for NaN, which compares with nothing.
+    pub fn contains(&self, value: T) -> bool {
+        let Self { low, high, ends } = *self;
+        match ends {
+            Ends::Both => low <= value && value <= high,
+            Ends::High => low < value && value <= high,
+            Ends::Low => low <= value && value < high,
+        }
+    }
 
-impl<T, F: Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static> Parser<T> for F {}
+    /// Checks the value of an option, if it has one.
+    ///
+    /// # Errors
+    /// [`OptionError`] if the value is outside the domain.
+    pub fn check(&self, flag: &'static str, value: impl Into<Option<T>>) -> Result<(), OptionError> {
+        match value.into().filter(|value| !self.contains(*value)) {
+            Some(value) => Err(OptionError { flag, value: value.to_string(), remedy: self.remedy() }),
+            None => Ok(()),
+        }
+    }
 
-/// NaN is in no domain, because it compares with nothing.
-fn within<T: Number>(is_within: impl Fn(&T) -> bool + Clone + Send + Sync + 'static, domain: String) -> impl Parser<T> {
-    move |text: &str| match text.trim().parse() {
-        Ok(value) if is_within(&value) => Ok(value),
-        _ => Err(format!("give a number {domain}")),
+    fn parse(&self, text: &str) -> Result<T, String> {
+        let number = text.trim().parse().ok().filter(|number| self.contains(*number));
+        number.ok_or_else(|| self.remedy())
+    }
+
+    fn remedy(&self) -> String {
+        let Self { low, high, ends } = self;
+        match ends {
+            Ends::Both => format!("give a number from {low} to {high}"),
+            Ends::High => format!("give a number above {low}, up to {high}"),
+            Ends::Low => format!("give a number from {low} up to but not including {high}"),
+        }
+    }
+}
+
+impl<T: Number> TypedValueParser for Domain<T> {
+    type Value = T;
+
+    fn parse_ref(&self, command: &Command, argument: Option<&Arg>, value: &OsStr) -> Result<T, clap::Error> {
+        let parse = |text: &str| self.parse(text);
+        TypedValueParser::parse_ref(&parse, command, argument, value)
+    }
+}
+
+/// Checks the value of an option, if it has one, whose type is also that of what is typed: it has to survive being typed.
+///
+/// # Errors
+/// [`OptionError`] if it does not.
+pub fn check_typed<'a, T: FromStr<Err = String> + Display + 'a>(
+    flag: &'static str,
+    value: impl Into<Option<&'a T>>,
+) -> Result<(), OptionError> {
+    let Some(value) = value.into().map(ToString::to_string) else { return Ok(()) };
+    match value.parse::<T>() {
+        Ok(_) => Ok(()),
+        Err(remedy) => Err(OptionError { flag, value, remedy }),
     }
 }
 

@@ -111,8 +111,8 @@ mod tests {
             |from: u16| -> Vec<Share> { (from..=u16::MAX).map(|segment| Share { segment, light: 1.0 }).collect() };
         let (all, deep) = (shares(1), shares(1 << 15));
         assert_eq!(difference(&all, light(&all), &all, light(&all), &segments), 0.0);
-        // All of one Gaussian and half of the other lie in the segment in the middle.
+        // All of one Gaussian and half of the other lie in the segment in the middle; f32 rounds 65,535 sums.
         let found = difference(&all, light(&all), &deep, light(&deep), &segments);
-        assert!((found - 0.5).abs() < 1e-3, "{found}");
+        assert!((found - 0.5).abs() < 0.01, "{found}");
     }
 }

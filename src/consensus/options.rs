@@ -5,12 +5,13 @@ use std::num::NonZeroUsize;
 use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
-use crate::config::option_values::{self, from_to};
+use crate::config::option_values::{self, Domain, OptionError, from_to};
 
 /// Three answers have a majority, and three directions show a part from most sides.
 const ASK_VIEWS: NonZeroUsize = NonZeroUsize::new(3).expect("three is not zero");
 /// More views than this show nothing new.
 const MOST_ASK_VIEWS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand is not zero");
+const VIEWS: Domain<NonZeroUsize> = from_to(NonZeroUsize::MIN, MOST_ASK_VIEWS);
 
 /// The keys that a scene may set: all of them, because they affect only this scene's result.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("ask"), SceneKey::any("ask-views")];
@@ -26,8 +27,18 @@ pub struct Options {
 
     /// Number of views in which to ask about each part; if the answers disagree, more views follow. With --ask segments, the
     /// model is asked about every view
-    #[arg(long, value_name = "N", default_value_t = ASK_VIEWS, value_parser = from_to(NonZeroUsize::MIN, MOST_ASK_VIEWS))]
+    #[arg(long, value_name = "N", default_value_t = ASK_VIEWS, value_parser = VIEWS)]
     pub ask_views: NonZeroUsize,
+}
+
+impl Options {
+    /// Checks that every number is within its domain.
+    ///
+    /// # Errors
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        VIEWS.check("--ask-views", self.ask_views)
+    }
 }
 
 impl Default for Options {

@@ -12,18 +12,21 @@ pub mod orbit;
 use std::fmt;
 use std::io;
 use std::path::Path;
+use std::str::FromStr;
 
 use image::RgbImage;
 
 use serde::{Serialize, Serializer};
 
-use crate::config::option_values::from_to;
+use crate::config::option_values::{Domain, OptionError, check_typed, from_to};
 use gif::Gif;
 use mp4::Mp4;
 
 /// Sides of a film in pixels: from what is still recognisable to 4K. Even, as video encoders require.
 const SHORTEST_SIDE: u32 = 64;
 const LONGEST_SIDE: u32 = 4096;
+
+const FPS: Domain<u32> = from_to(1, 60);
 
 /// Pictures from which the palette of a GIF is learned.
 pub const GIF_SAMPLES: usize = 4;
@@ -32,17 +35,28 @@ pub const GIF_SAMPLES: usize = 4;
 #[derive(Debug, Clone, Copy, PartialEq, clap::Args, Serialize)]
 pub struct Options {
     /// Size of the film in pixels
-    #[arg(long, value_name = "WIDTHxHEIGHT", default_value_t = Self::default().size, value_parser = Size::parse)]
+    #[arg(long, value_name = "WIDTHxHEIGHT", default_value_t = Self::default().size)]
     pub size: Size,
 
     /// Pictures per second of the film
-    #[arg(long, value_name = "N", default_value_t = 24, value_parser = from_to(1u32, 60))]
+    #[arg(long, value_name = "N", default_value_t = 24, value_parser = FPS)]
     pub fps: u32,
 }
 
 impl Default for Options {
     fn default() -> Self {
         Self { size: Size { width: 1280, height: 720 }, fps: 24 }
+    }
+}
+
+impl Options {
+    /// Checks that every number is within its domain.
+    ///
+    /// # Errors
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        check_typed("--size", &self.size)?;
+        FPS.check("--fps", self.fps)
     }
 }
 
@@ -114,9 +128,11 @@ pub struct Size {
     pub height: u32,
 }
 
-impl Size {
+impl FromStr for Size {
+    type Err = String;
+
     /// `WIDTHxHEIGHT`.
-    pub fn parse(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, String> {
         let sides = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
         let fits = |side: u32| (SHORTEST_SIDE..=LONGEST_SIDE).contains(&side) && side.is_multiple_of(2);
         match sides {
@@ -146,10 +162,10 @@ mod tests {
 
     #[test]
     fn a_size_is_two_even_numbers_of_pixels() {
-        assert_eq!(Size::parse("1280x720"), Ok(Size { width: 1280, height: 720 }));
-        assert_eq!(Size::parse(&Options::default().size.to_string()), Ok(Options::default().size));
+        assert_eq!("1280x720".parse(), Ok(Size { width: 1280, height: 720 }));
+        assert_eq!(Options::default().size.to_string().parse(), Ok(Options::default().size));
         for bad in ["", "1280", "x", "1280x721", "0x0", "62x64", "5000x720", "-2x64", "1280X720", "1280x720x2"] {
-            assert!(Size::parse(bad).is_err(), "{bad}");
+            assert!(bad.parse::<Size>().is_err(), "{bad}");
         }
     }
 }

@@ -3,18 +3,15 @@
 use std::path::PathBuf;
 
 use super::calibration::CalibrationError;
+use crate::config::option_values::OptionError;
 use crate::parts::NoVolume;
 use crate::units::Estimate;
 
 /// Why no forces can be computed.
 #[derive(Debug, thiserror::Error)]
 pub enum GraspError {
-    #[error("--lift-angle-deg is {degrees}: give the angle between the lift and straight up, 0 to 90")]
-    LiftAngle { degrees: f64 },
-    #[error("--max-curvature is {value}: give a curvature above 0, up to 1e6, in 1/m")]
-    Curvature { value: f64 },
-    #[error("--force-margin is {value}: give a fraction of the span of the usable forces, 0 to 0.5")]
-    Margin { value: f64 },
+    #[error("{0}")]
+    Option(#[from] OptionError),
     #[error("no part is called {name:?}; the parts are: {parts}")]
     NoSuchPart { name: String, parts: String },
     #[error("{name:?} could be any of several parts: {parts}; name one by its number with --part")]

@@ -68,7 +68,7 @@ impl Inputs {
             thickness_m,
             contact_area_m2: gripper.finger_area_m2,
             max_curvature_1_m: options.max_curvature_of(&label.family),
-            lift_angle_rad: options.checked_lift_angle_rad()?,
+            lift_angle_rad: options.lift_angle_deg.to_radians(),
         })
     }
 

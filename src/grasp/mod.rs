@@ -141,6 +141,7 @@ pub fn grasp(
     gripper: &GripperProfile,
     options: &Options,
 ) -> Result<GraspReport, GraspError> {
+    options.check()?;
     let (part, chosen) = grasped_part::choose(parts, options.part.as_deref())?;
     let label = |id: u32| labels.iter().find(|l| l.id == id).ok_or(GraspError::NoLabel { part: id });
     label(part.id)?;

@@ -3,15 +3,16 @@
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
-use super::GraspError;
 use super::curvature;
 use super::gripper::GripperProfile;
 use crate::config::SceneKey;
-use crate::config::option_values;
+use crate::config::option_values::{self, Domain, OptionError, above, from_to};
 use crate::units::Estimate;
 
-/// A radius of a micrometre.
-const SHARPEST_CURVATURE_1_M: f64 = 1e6;
+const LIFT_ANGLE_DEG: Domain<f64> = from_to(0.0, 90.0);
+/// Up to a radius of a micrometre.
+const CURVATURE_1_M: Domain<f64> = above(0.0, 1e6);
+const MARGIN: Domain<f64> = from_to(0.0, 0.5);
 /// The paper keeps F* away from both ends of the usable forces by a margin eta but gives no value; 5 % is our choice.
 const FORCE_MARGIN: f64 = 0.05;
 /// The gripper of the paper's experiments.
@@ -68,14 +69,14 @@ pub struct Options {
     #[arg(long, value_name = "NAME|FILE", default_value_t = GRIPPER.to_owned(), help = gripper_help())]
     pub gripper: String,
     /// Angle between the direction of the lift and straight up, in degrees from 0 to 90
-    #[arg(long, value_name = "DEG", default_value_t = 0.0)]
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = LIFT_ANGLE_DEG)]
     pub lift_angle_deg: f64,
     /// Largest curvature kappa_max that the grasped part tolerates, in 1/m [default: by the material's family, 0.5 for metal;
     /// the paper takes 0.5 for all]
-    #[arg(long, value_name = "1/M")]
+    #[arg(long, value_name = "1/M", value_parser = CURVATURE_1_M)]
     pub max_curvature: Option<f64>,
     /// Margin eta at both ends of the usable forces, as a fraction of their span, from 0 to 0.5
-    #[arg(long, value_name = "SHARE", default_value_t = FORCE_MARGIN)]
+    #[arg(long, value_name = "SHARE", default_value_t = FORCE_MARGIN, value_parser = MARGIN)]
     pub force_margin: f64,
     /// Which values of the intervals determine the force
     #[arg(long, value_enum, default_value_t)]
@@ -104,21 +105,18 @@ impl Options {
         self.max_curvature.unwrap_or_else(|| curvature::of_family(family))
     }
 
-    /// The lift angle in radians, after checking that every option is within its domain.
+    /// Checks that every number is within its domain.
     ///
     /// # Errors
-    /// If one is not.
-    pub fn checked_lift_angle_rad(&self) -> Result<f64, GraspError> {
-        if !(0.0..=90.0).contains(&self.lift_angle_deg) {
-            return Err(GraspError::LiftAngle { degrees: self.lift_angle_deg });
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        if let Some([x, y, z]) = self.point.filter(|point| point.iter().any(|x| !x.is_finite())) {
+            let remedy = "give three numbers in scene units".to_owned();
+            return Err(OptionError { flag: "--point", value: format!("{x},{y},{z}"), remedy });
         }
-        if let Some(value) = self.max_curvature.filter(|given| !(*given > 0.0 && *given <= SHARPEST_CURVATURE_1_M)) {
-            return Err(GraspError::Curvature { value });
-        }
-        if !(0.0..=0.5).contains(&self.force_margin) {
-            return Err(GraspError::Margin { value: self.force_margin });
-        }
-        Ok(self.lift_angle_deg.to_radians())
+        LIFT_ANGLE_DEG.check("--lift-angle-deg", self.lift_angle_deg)?;
+        CURVATURE_1_M.check("--max-curvature", self.max_curvature)?;
+        MARGIN.check("--force-margin", self.force_margin)
     }
 }
 

@@ -1,10 +1,12 @@
 //! Errors of the parts stage.
 
+use crate::config::option_values::OptionError;
+
 /// An error in the input of the parts stage, and what to do about it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 pub enum PartsError {
-    #[error("{flag} is {value}: it must be {domain}")]
-    Option { flag: &'static str, value: f64, domain: &'static str },
+    #[error("{0}")]
+    Option(#[from] OptionError),
     #[error("the scene has no Gaussians, so it has no volume")]
     NoGaussians,
     #[error("the material field has {field} Gaussians but the scene has {gaussians}; run the vote stage again")]

@@ -3,9 +3,8 @@
 use clap::Args;
 use serde::{Deserialize, Serialize};
 
-use super::PartsError;
 use crate::config::SceneKey;
-use crate::config::option_values::{self, with_unit};
+use crate::config::option_values::{self, Domain, OptionError, above, below, from_to, with_unit};
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -19,6 +18,19 @@ const MIN_BODY_SHARE: f64 = 0.01;
 const MIN_PART_SHARE: f64 = 0.001;
 /// A sheet of steel, a mug's wall, a moulded case: 1 to 5 mm.
 const WALL_M: f64 = 0.003;
+
+/// With its margin, the largest of these grids has up to 1.8e9 cells, within the range of a `u32`.
+const CELLS: Domain<usize> = from_to(1000, 1 << 30);
+/// Up to far more than any capture has.
+const VIEWS: Domain<usize> = from_to(1, 100_000);
+/// Up to a thousand opaque Gaussians in one place.
+const DENSITY: Domain<f64> = above(0.0, 1000.0);
+/// Up to thicker than any wall of an object or a building.
+const LENGTH_M: Domain<f64> = above(0.0, 100.0);
+const SHARE: Domain<f64> = below(0.0, 1.0);
+/// From a milligram (kitchen scales and most laboratory scales read no less) to a thousand tonnes (more than any scale
+/// weighs at once).
+const MASS_KG: Domain<f64> = from_to(1e-6, 1e6);
 
 /// The keys that a scene may set: all of them; they affect only this scene's result.
 pub const SCENE_KEYS: &[SceneKey] = &[
@@ -69,22 +81,22 @@ pub struct Options {
     #[arg(long = "volume", value_enum, default_value_t)]
     pub volume: VolumeMethod,
     /// Number of grid cells over the object's box, on which volumes are measured
-    #[arg(long, value_name = "N", default_value_t = VOLUME_CELLS)]
+    #[arg(long, value_name = "N", default_value_t = VOLUME_CELLS, value_parser = CELLS)]
     pub volume_cells: usize,
     /// Maximum number of views used for carving, spread evenly over the scene's views
-    #[arg(long, value_name = "N", default_value_t = CARVE_VIEWS)]
+    #[arg(long, value_name = "N", default_value_t = CARVE_VIEWS, value_parser = VIEWS)]
     pub carve_views: usize,
     /// For `--volume fill`, density above which a cell is skin: opacity times fall-off, summed over the Gaussians
-    #[arg(long, value_name = "DENSITY", default_value_t = FILL_DENSITY)]
+    #[arg(long, value_name = "DENSITY", default_value_t = FILL_DENSITY, value_parser = DENSITY)]
     pub fill_density: f64,
     /// For `--volume shell`, wall thickness in metres of parts whose answer gives none
-    #[arg(long, value_name = "M", default_value_t = WALL_M)]
+    #[arg(long, value_name = "M", default_value_t = WALL_M, value_parser = LENGTH_M)]
     pub wall_m: f64,
     /// Ignore connected bodies with less than this fraction of the object's total opacity: they are floaters
-    #[arg(long, value_name = "SHARE", default_value_t = MIN_BODY_SHARE)]
+    #[arg(long, value_name = "SHARE", default_value_t = MIN_BODY_SHARE, value_parser = SHARE)]
     pub min_body_share: f64,
     /// List parts smaller than this fraction of the object's volume in the notes
-    #[arg(long, value_name = "SHARE", default_value_t = MIN_PART_SHARE)]
+    #[arg(long, value_name = "SHARE", default_value_t = MIN_PART_SHARE, value_parser = SHARE)]
     pub min_part_share: f64,
     /// How to write the connected bodies of one part (such as the four legs of a chair)
     #[arg(long, value_enum, value_name = "AS", default_value_t)]
@@ -105,61 +117,28 @@ impl Default for Options {
     }
 }
 
-/// With its margin, such a grid has up to 1.8e9 cells, within the range of a `u32`.
-const CELLS_MAX: usize = 1 << 30;
-/// Far more than any capture has.
-const CARVE_VIEWS_MAX: usize = 100_000;
-/// A thousand opaque Gaussians in one place.
-const FILL_DENSITY_MAX: f64 = 1000.0;
-/// Thicker than any wall of an object or a building.
-const WALL_MAX_M: f64 = 100.0;
-
-/// A milligram: kitchen scales and most laboratory scales read no less.
-const MASS_MIN_KG: f64 = 1e-6;
-/// A thousand tonnes: more than any scale weighs at once.
-const MASS_MAX_KG: f64 = 1e6;
-
 /// The units in which a mass can be given, and how many of them make a kilogram.
 const MASS_UNITS: [(&str, f64); 2] = [("kg", 1.0), ("g", 1e3)];
 
 /// A mass in kilograms, or with its unit: `0.66`, `660g`.
 fn mass_kg(text: &str) -> Result<f64, String> {
-    let mass = with_unit(text, &MASS_UNITS).filter(|kg| (MASS_MIN_KG..=MASS_MAX_KG).contains(kg));
-    mass.ok_or_else(|| {
-        format!("give a mass from {MASS_MIN_KG} to {MASS_MAX_KG} kg: a number of kg, or with kg or g after it")
-    })
+    let mass = with_unit(text, &MASS_UNITS).filter(|kg| MASS_KG.contains(*kg));
+    mass.ok_or_else(|| "give a mass from 0.000001 to 1000000 kg: a number of kg, or with kg or g after it".to_owned())
 }
 
 impl Options {
     /// Checks that every number is within its domain.
     ///
     /// # Errors
-    /// [`PartsError::Option`], which names the one that is not.
-    pub fn check(&self) -> Result<(), PartsError> {
-        let wrong = |flag, value: f64, domain| Err(PartsError::Option { flag, value, domain });
-        if !(1000..=CELLS_MAX).contains(&self.volume_cells) {
-            return wrong("--volume-cells", self.volume_cells as f64, "1000 to 2^30");
-        }
-        if !(1..=CARVE_VIEWS_MAX).contains(&self.carve_views) {
-            return wrong("--carve-views", self.carve_views as f64, "1 to 100,000");
-        }
-        if !(self.fill_density > 0.0 && self.fill_density <= FILL_DENSITY_MAX) {
-            return wrong("--fill-density", self.fill_density, "above 0, up to 1000");
-        }
-        if !(self.wall_m > 0.0 && self.wall_m <= WALL_MAX_M) {
-            return wrong("--wall-m", self.wall_m, "above 0, up to 100, in metres");
-        }
-        for (flag, mass) in [("--known-mass", self.known_mass), ("--known-mass-error", self.known_mass_error)] {
-            if let Some(kg) = mass.filter(|kg| !(MASS_MIN_KG..=MASS_MAX_KG).contains(kg)) {
-                return wrong(flag, kg, "0.000001 to 1,000,000, in kilograms");
-            }
-        }
-        if !(0.0..1.0).contains(&self.min_body_share) {
-            return wrong("--min-body-share", self.min_body_share, "0 or more and below 1");
-        }
-        if !(0.0..1.0).contains(&self.min_part_share) {
-            return wrong("--min-part-share", self.min_part_share, "0 or more and below 1");
-        }
-        Ok(())
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        CELLS.check("--volume-cells", self.volume_cells)?;
+        VIEWS.check("--carve-views", self.carve_views)?;
+        DENSITY.check("--fill-density", self.fill_density)?;
+        LENGTH_M.check("--wall-m", self.wall_m)?;
+        SHARE.check("--min-body-share", self.min_body_share)?;
+        SHARE.check("--min-part-share", self.min_part_share)?;
+        MASS_KG.check("--known-mass", self.known_mass)?;
+        MASS_KG.check("--known-mass-error", self.known_mass_error)
     }
 }

@@ -74,11 +74,10 @@ impl Builder {
     }
 
     fn load(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Pipeline> {
+        options.check()?;
         let scene = crate::scene::load(folder, &options.scene)?;
         let library = options.materials.library()?;
         let gripper = GripperProfile::load(&options.grasp.gripper)?;
-        options.grasp.checked_lift_angle_rad()?;
-        options.parts.check()?;
         crate::simulate::script_of(&options.simulate)?;
         let root = workdir::named_or(out, work_folder(folder, None))?;
         Pipeline::within(folder, WorkDir::open(&root)?, scene, (library, gripper), options, plan, progress)

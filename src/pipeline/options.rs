@@ -9,6 +9,7 @@ use clap::error::{ContextKind, ContextValue};
 use clap::{ArgAction, Args, FromArgMatches};
 use serde::Serialize;
 
+use crate::config::option_values::OptionError;
 use crate::config::{self, SceneKey};
 use crate::error::{Error, UsageError};
 use crate::words::output;
@@ -45,6 +46,21 @@ pub struct Options {
 }
 
 impl Options {
+    /// Checks that every number of every stage is within its domain.
+    ///
+    /// # Errors
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        self.scene.check()?;
+        self.segment.check()?;
+        self.consensus.check()?;
+        self.query.check()?;
+        self.vote.check()?;
+        self.parts.check()?;
+        self.simulate.check()?;
+        self.grasp.check()
+    }
+
     /// The defaults, changed by `gprop.toml` in the folder `scene`. These are the options of `gprop run` without flags
     /// if the user has no `config.toml`.
     ///

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::recorded::{Miss, RecordingError};
 use super::{Answers, Failure, Outcome};
+use crate::config::option_values::OptionError;
 use crate::query::ask::asker::AskError;
 use crate::query::ask::budget::Spent;
 use crate::query::question::prompt::PromptError;
@@ -13,6 +14,8 @@ use crate::words::output;
 /// Why the query stage ends without answers.
 #[derive(Debug, thiserror::Error)]
 pub enum QueryError {
+    #[error("{0}")]
+    Option(#[from] OptionError),
     #[error("view {view}: the label map has no pixel of segment {segment}; segment the scene again")]
     EmptySegment { view: String, segment: u16 },
     #[error("view {view}: the label map is {} x {} pixels, the photo {} x {}; segment the scene again", map.0, map.1, photo.0, photo.1)]

@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
-use crate::config::option_values::{self, from_to};
+use crate::config::option_values::{self, Domain, OptionError, from_to};
 use crate::query::answer::labels::LabelSet;
 pub use crate::query::question::sheet::Context;
 
@@ -20,15 +20,20 @@ const TIMEOUT_S: u64 = 120;
 const WAIT_S: u64 = 300;
 /// One day: a larger value is a mistake.
 const MOST_S: u64 = 86_400;
+const TIMEOUT: Domain<u64> = from_to(1, MOST_S);
+const WAIT: Domain<u64> = from_to(0, MOST_S);
 const RETRIES: u32 = 6;
 /// The highest temperature that OpenAI's API takes; others take less.
-const HOTTEST: f64 = 2.0;
+const TEMPERATURE: Domain<f64> = from_to(0.0, 2.0);
 /// No model writes this much at once.
-const MOST_TOKENS: u32 = 1_000_000;
+const TOKENS: Domain<u32> = from_to(1, 1_000_000);
 /// Each parallel request takes a thread and a connection.
-const MOST_PARALLEL: usize = 256;
+const REQUESTS: Domain<usize> = from_to(1, 256);
 /// With the pauses between them, this many retries take more than an hour.
-const MOST_RETRIES: u32 = 100;
+const TRIES: Domain<u32> = from_to(0, 100);
+const USD: Domain<f64> = from_to(0.0, f64::MAX);
+/// Sides of a sheet in pixels.
+const SIDE: Domain<u32> = from_to(256, 8192);
 
 /// The keys that a scene may set: those that define what is asked about it, on which its recordings depend. Whether
 /// anything is sent, to whom, with which prompts, at what cost, and where answers are written, is up to the user.
@@ -87,7 +92,7 @@ pub struct Options {
 
     /// Longest side of the picture sent with a question, in pixels
     #[arg(long, value_name = "PIXELS", default_value_t = SHEET_SIZE)]
-    #[arg(value_parser = clap::value_parser!(u32).range(256..=8192))]
+    #[arg(value_parser = SIDE)]
     pub sheet_size: u32,
 
     /// Folder with prompt templates and schemas that replace built-in ones of the same name
@@ -108,31 +113,31 @@ pub struct Options {
     pub lmm_model: Option<String>,
 
     /// Sampling temperature; 0 is the most deterministic
-    #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = from_to(0.0, HOTTEST))]
+    #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = TEMPERATURE)]
     pub lmm_temperature: f64,
 
     /// Maximum number of tokens per answer
-    #[arg(long, value_name = "N", default_value_t = MAX_TOKENS, value_parser = from_to(1, MOST_TOKENS))]
+    #[arg(long, value_name = "N", default_value_t = MAX_TOKENS, value_parser = TOKENS)]
     pub lmm_max_tokens: u32,
 
     /// Number of parallel requests
-    #[arg(long, value_name = "N", default_value_t = PARALLEL, value_parser = from_to(1, MOST_PARALLEL))]
+    #[arg(long, value_name = "N", default_value_t = PARALLEL, value_parser = REQUESTS)]
     #[serde(skip)]
     pub lmm_parallel: usize,
 
     /// Seconds that one request may take, from connecting to the last byte of its response
-    #[arg(long, value_name = "SECONDS", default_value_t = TIMEOUT_S, value_parser = from_to(1, MOST_S))]
+    #[arg(long, value_name = "SECONDS", default_value_t = TIMEOUT_S, value_parser = TIMEOUT)]
     #[serde(skip)]
     pub lmm_timeout_s: u64,
 
     /// Total seconds that a request may wait if the server asks it to (Retry-After); the request fails if the server asks
     /// for more
-    #[arg(long, value_name = "SECONDS", default_value_t = WAIT_S, value_parser = from_to(0, MOST_S))]
+    #[arg(long, value_name = "SECONDS", default_value_t = WAIT_S, value_parser = WAIT)]
     #[serde(skip)]
     pub lmm_wait_s: u64,
 
     /// Number of retries after a dropped connection, a time-out, or status 408, 409, 425, 429 or 5xx
-    #[arg(long, value_name = "N", default_value_t = RETRIES, value_parser = from_to(0, MOST_RETRIES))]
+    #[arg(long, value_name = "N", default_value_t = RETRIES, value_parser = TRIES)]
     #[serde(skip)]
     pub lmm_retries: u32,
 
@@ -148,6 +153,23 @@ pub struct Options {
     pub prices: Option<PathBuf>,
 }
 
+impl Options {
+    /// Checks that every number is within its domain.
+    ///
+    /// # Errors
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        SIDE.check("--sheet-size", self.sheet_size)?;
+        TEMPERATURE.check("--lmm-temperature", self.lmm_temperature)?;
+        TOKENS.check("--lmm-max-tokens", self.lmm_max_tokens)?;
+        REQUESTS.check("--lmm-parallel", self.lmm_parallel)?;
+        TIMEOUT.check("--lmm-timeout-s", self.lmm_timeout_s)?;
+        WAIT.check("--lmm-wait-s", self.lmm_wait_s)?;
+        TRIES.check("--lmm-retries", self.lmm_retries)?;
+        USD.check("--max-usd", self.max_usd)
+    }
+}
+
 impl Default for Options {
     fn default() -> Self {
         option_values::defaults()
@@ -155,6 +177,6 @@ impl Default for Options {
 }
 
 fn usd(text: &str) -> Result<f64, String> {
-    let given = text.parse().ok().filter(|usd: &f64| usd.is_finite() && *usd >= 0.0);
+    let given = text.parse().ok().filter(|usd| USD.contains(*usd));
     given.ok_or_else(|| "not an amount of US dollars; give 0 or more, such as 2 or 0.50".to_owned())
 }

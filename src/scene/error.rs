@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::cameras::{FrameProblem, colmap};
 use super::splat::{dot_splat, ksplat, sog, spz};
+use crate::config::option_values::OptionError;
 use crate::scene::object::outliers::AllSetAside;
 use crate::scene::splat::ply::PlyError;
 use crate::words::output::counted;
@@ -21,6 +22,8 @@ const MOST_VIEWS_NAMED: usize = 8;
 /// A scene that is missing, incomplete or broken. Each message is complete: it includes that of its cause.
 #[derive(Debug, Error)]
 pub enum SceneError {
+    #[error("{0}")]
+    Option(#[from] OptionError),
     #[error("no such scene folder: `{}`; give the folder that holds the photos, cameras and splat", path.display())]
     NoFolder { path: PathBuf },
     #[error("`{}` is a file; give the folder that holds the photos, cameras and splat", path.display())]

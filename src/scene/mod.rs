@@ -113,6 +113,7 @@ impl Scene {
 /// # Errors
 /// [`SceneError`], which says what is missing or broken, where, and what to do.
 pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
+    options.check()?;
     check_is_folder(folder)?;
     let mut found = Found::default();
     let splat_path = found.splat(folder, options)?;

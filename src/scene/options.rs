@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::scale::{ScaleChoice, point};
 use crate::config::SceneKey;
 use crate::config::as_typed::as_typed;
-use crate::config::option_values::{self, from_to};
+use crate::config::option_values::{self, Domain, OptionError, check_typed, from_to};
 use crate::files::read_scope::ReadScope;
 use crate::gaussians::bounds::Bounds;
 use crate::scene::cameras::align::Conversion;
@@ -33,6 +33,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 
 /// Far more than any capture has, and few enough to be counted in memory.
 const MOST_VIEWS: NonZeroUsize = NonZeroUsize::new(100_000).expect("it is not zero");
+const VIEWS: Domain<NonZeroUsize> = from_to(NonZeroUsize::MIN, MOST_VIEWS);
 
 /// Number of views used by default.
 pub const DEFAULT_VIEWS: NonZeroUsize = NonZeroUsize::new(10).expect("ten is not zero");
@@ -45,7 +46,7 @@ pub struct Options {
     /// Number of views to use, spread over all directions, chosen from the sharp ones that show the whole object (the paper
     /// uses 10)
     #[arg(long, value_name = "N", default_value_t = DEFAULT_VIEWS, overrides_with = "view_list")]
-    #[arg(value_parser = from_to(NonZeroUsize::MIN, MOST_VIEWS))]
+    #[arg(value_parser = VIEWS)]
     pub views: NonZeroUsize,
 
     /// Use these views instead of --views: file names of the photos without extension, separated by commas
@@ -88,7 +89,7 @@ pub struct Options {
 
     /// Render this many views from the splat itself instead of using photos
     #[arg(long, value_name = "N", overrides_with_all = ["cameras", "images", "masks"])]
-    #[arg(value_parser = from_to(NonZeroUsize::MIN, MOST_VIEWS))]
+    #[arg(value_parser = VIEWS)]
     pub render_views: Option<NonZeroUsize>,
 
     /// Length of a scene unit: `metric` (one metre), a factor in metres per scene unit, `known-length:X,Y,Z:X,Y,Z=M` (two
@@ -101,6 +102,17 @@ pub struct Options {
 }
 
 impl Options {
+    /// Checks that every number is within its domain.
+    ///
+    /// # Errors
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        VIEWS.check("--views", self.views)?;
+        VIEWS.check("--render-views", self.render_views)?;
+        check_typed("--object-box", self.object_box.as_ref())?;
+        check_typed("--scale", &self.scale)
+    }
+
     /// The files that may be read for the scene in `folder` without being named by their own flag.
     pub fn read_scope(&self, folder: &Path) -> ReadScope {
         ReadScope::new(folder).and(self.allow_read.iter().map(PathBuf::as_path))

@@ -4,10 +4,13 @@
 use std::path::PathBuf;
 
 use super::sam::mismatch::Mismatch;
+use crate::config::option_values::OptionError;
 
 /// A failure of a model or of ONNX Runtime.
 #[derive(Debug, thiserror::Error)]
 pub enum SegmentError {
+    #[error("{0}")]
+    Option(#[from] OptionError),
     #[error("cannot load ONNX Runtime from {path:?}: {reason}; `gprop doctor` shows where gprop looks for it")]
     Runtime { path: PathBuf, reason: String },
     #[error("ONNX Runtime is already loaded from {loaded:?}, and a process can load only one: {path:?} is not used")]

@@ -27,6 +27,7 @@ pub fn segment_views<E: From<SegmentError> + Send>(
     progress: Progress,
     finished: &(dyn Fn(&ViewSegments) -> Result<(), E> + Sync),
 ) -> Result<Segmentation, E> {
+    options.check().map_err(SegmentError::from)?;
     let tally = Tally::new(progress, names.len());
     let segment_one = |name: &&str| -> Result<ViewSegments, E> {
         let photo = load(name)?;

@@ -2,11 +2,14 @@
 
 use thiserror::Error;
 
+use crate::config::option_values::OptionError;
 use crate::words::output::counted;
 
 /// Why a simulation could not start or continue.
 #[derive(Debug, Error)]
 pub enum SimulateError {
+    #[error("{0}")]
+    Option(#[from] OptionError),
     #[error("there is nothing to simulate: the scene has no Gaussians")]
     NoParticles,
     #[error("{what}: {got} for {gaussians} Gaussians")]

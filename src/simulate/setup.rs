@@ -149,6 +149,7 @@ pub fn simulated(gaussians: &Gaussians) -> Vec<bool> {
 
 /// Checks the input and sets up the run.
 pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> {
+    options.check()?;
     check(input)?;
     let object = robust_bounds(input.gaussians);
     let longest = object.size().max();

@@ -1,10 +1,13 @@
 //! Errors that make a vote impossible.
 
+use crate::config::option_values::OptionError;
 use crate::words::output::counted;
 
 /// Why there is no [`super::MaterialField`].
 #[derive(Debug, thiserror::Error)]
 pub enum VoteError {
+    #[error("{0}")]
+    Option(#[from] OptionError),
     #[error("the scene has no Gaussians: give a splat that contains some")]
     NoGaussians,
     #[error(

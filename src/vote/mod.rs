@@ -169,7 +169,7 @@ pub struct Filled {
 /// Gives every Gaussian a material from the segments that the views see it in. See [`tally`] for the rules.
 ///
 /// # Errors
-/// [`VoteError`] if there are no Gaussians, a label map does not have its camera's size, an answer names a material
+/// [`VoteError`] if an option is outside its domain, there are no Gaussians, a label map does not have its camera's size, an answer names a material
 /// that is not in the library, or there is no vote at all.
 pub fn vote(
     gaussians: &Gaussians,
@@ -179,6 +179,7 @@ pub fn vote(
     options: &Options,
     progress: Progress,
 ) -> Result<MaterialField, VoteError> {
+    options.check()?;
     check(gaussians, views)?;
     let mut segments = AnsweredSegments::new(views, answers, library)?;
     segments.warnings.extend(cameras_inside(gaussians, views));
@@ -202,6 +203,7 @@ pub fn vote_on_parts(
     options: &Options,
     progress: Progress,
 ) -> Result<MaterialField, VoteError> {
+    options.check()?;
     check(gaussians, views)?;
     let mut segments = AnsweredSegments::of_parts(views, parts, library)?;
     segments.warnings.extend(cameras_inside(gaussians, views));

@@ -5,13 +5,14 @@ use std::num::NonZeroUsize;
 use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
-use crate::config::option_values::{self, from_to};
+use crate::config::option_values::{self, Domain, OptionError, from_to};
 
 /// Number of seen neighbours that decide for an unseen Gaussian: enough that one stray does not decide, few enough to
 /// stay local.
 const DEFAULT_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(8).expect("eight is not zero");
 /// More Gaussians than this are not a neighbourhood but a part of the object.
 const MOST_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand is not zero");
+const NEIGHBORS: Domain<NonZeroUsize> = from_to(NonZeroUsize::MIN, MOST_NEIGHBORS);
 
 /// The keys that a scene may set: all of them, because they affect only this scene's result.
 pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("vote"), SceneKey::any("agree"), SceneKey::any("neighbors")];
@@ -31,8 +32,18 @@ pub struct Options {
 
     /// Number of nearest seen Gaussians from which an unseen one takes its material
     #[arg(long, value_name = "K", default_value_t = DEFAULT_NEIGHBORS)]
-    #[arg(value_parser = from_to(NonZeroUsize::MIN, MOST_NEIGHBORS))]
+    #[arg(value_parser = NEIGHBORS)]
     pub neighbors: NonZeroUsize,
+}
+
+impl Options {
+    /// Checks that every number is within its domain.
+    ///
+    /// # Errors
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        NEIGHBORS.check("--neighbors", self.neighbors)
+    }
 }
 
 impl Default for Options {

@@ -586,6 +586,20 @@ fn bad_input_is_refused_with_a_reason() {
     assert!(refused(&Input { gaussians: &point, ..bar.input() }).contains("Gaussian 3"));
 }
 
+#[test]
+fn options_outside_their_domain_are_refused() {
+    let bar = Bar::new();
+    for options in [
+        Options { frames: 0, ..options() },
+        Options { frames: 1, ..options() },
+        Options { duration: Some(f64::NAN), ..options() },
+        Options { grid: 0, ..options() },
+    ] {
+        let refused = simulate(&bar.input(), &options, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+        assert!(matches!(refused, Err(SimulateError::Option(_))), "{refused:?}");
+    }
+}
+
 /// A floater stays in its place and does not disturb the simulation.
 #[test]
 fn strays_stay_in_place() {

@@ -256,7 +256,7 @@ impl<'a> Painter<'a> {
     }
 
     fn members_of(&self, cell: usize) -> &[u32] {
-        &self.members[self.starts[cell] as usize..self.starts[cell + 1] as usize]
+        &self.members[self.starts[cell]..self.starts[cell + 1]]
     }
 
     /// Directions of sight of the cameras that face a surface best; along its normal if there are no cameras.

@@ -51,6 +51,7 @@ impl<'a> Queries<'a> {
         options: &'a Options,
         about: About,
     ) -> Result<Self, QueryError> {
+        options.check()?;
         let questions = Questions::new(prompts, library, (options.guidance, options.context), about)?;
         let mut segments = Vec::new();
         for view in views {

@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::SimulationReport;
 use crate::camera::{Camera, Distortion};
-use crate::config::option_values::from_to;
+use crate::config::option_values::{Domain, OptionError, from_to};
 use crate::film::gif::Gif;
 use crate::film::mp4::Mp4;
 use crate::film::{self, FilmError, GIF_SAMPLES, Size};
@@ -63,6 +63,9 @@ fn nearest_in_film(index: usize, fps: u32) -> usize {
     (index * fps + small_fps / 2) / small_fps
 }
 
+const AZIMUTH_DEG: Domain<f64> = from_to(-360.0, 360.0);
+const ELEVATION_DEG: Domain<f64> = from_to(-90.0, 90.0);
+
 /// The viewpoint of the animation.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize)]
 pub struct Viewpoint {
@@ -73,13 +76,13 @@ pub struct Viewpoint {
 
     /// Film from this direction, in degrees from +x towards +y [default: the side that shows most of the object's
     /// length]
-    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = from_to(-360.0, 360.0))]
+    #[arg(long, value_name = "DEGREES", allow_negative_numbers = true, value_parser = AZIMUTH_DEG)]
     #[arg(overrides_with = "film_from")]
     pub azimuth_deg: Option<f64>,
 
     /// Angle by which the camera looks down, in degrees; not used with --film-from
     #[arg(long, value_name = "DEGREES", default_value_t = 22.0, allow_negative_numbers = true)]
-    #[arg(value_parser = from_to(-90.0, 90.0))]
+    #[arg(value_parser = ELEVATION_DEG)]
     pub elevation_deg: f64,
 
     /// Film the object with a camera that circles it once
@@ -88,6 +91,18 @@ pub struct Viewpoint {
 
     #[command(flatten)]
     pub film: film::Options,
+}
+
+impl Viewpoint {
+    /// Checks that every number is within its domain.
+    ///
+    /// # Errors
+    /// [`OptionError`], which names the option.
+    pub fn check(&self) -> Result<(), OptionError> {
+        AZIMUTH_DEG.check("--azimuth-deg", self.azimuth_deg)?;
+        ELEVATION_DEG.check("--elevation-deg", self.elevation_deg)?;
+        self.film.check()
+    }
 }
 
 /// The pictures of a simulation: where they are taken from, and when.
