@@ -56,7 +56,7 @@ class Result:
     folder: Path
     #: A row for each Gaussian, with a column for each property in field.ply: x, y, z, opacity, part_label, density, E, ...
     field: np.ndarray
-    #: A row for each part, in the order of ``field["part_label"]``: id, caption, material, its properties and its mass.
+    #: A row for each part: id (its ``field["part_label"]``), caption, material, its properties and its mass.
     parts: np.ndarray
     #: The mass of the whole object, low, mid and high, in kg; NaN if the metric scale is unknown.
     mass_kg: np.ndarray
@@ -151,15 +151,16 @@ def _parts(labels: list, measured: dict | None, field: np.ndarray) -> np.ndarray
     bodies = {}
     for part in (measured or {"parts": []})["parts"]:
         bodies.setdefault(part["id"], []).append(part)
+    ids = _array([label["id"] for label in labels], np.int64)
     part_of_gaussian = field["part_label"].astype(np.int64)
-    if part_of_gaussian.max(initial=-1) >= len(labels):
+    if not np.isin(part_of_gaussian, ids).all():
         raise ValueError("field.ply has a part that labels.json does not list")
     columns = [
-        ("id", _array([label["id"] for label in labels], np.int64)),
+        ("id", ids),
         ("caption", np.array([label["caption"] for label in labels], dtype=np.str_)),
         ("material", np.array([label["material"] for label in labels], dtype=np.str_)),
         ("family", np.array([label["family"] for label in labels], dtype=np.str_)),
-        ("gaussians", np.bincount(part_of_gaussian, minlength=len(labels))),
+        ("gaussians", (part_of_gaussian == ids[:, None]).sum(axis=1)),
     ]
     columns += [(name, _column(labels, name, shape)) for name, shape in _PROPERTIES.items()]
     parts = [_combined(bodies.get(label["id"], [{}])) for label in labels]

@@ -29,18 +29,18 @@ class Made(unittest.TestCase):
         self.folder.mkdir()
         names = ["x", "y", "z", "part_label", "E"]
         values = np.arange(15, dtype="<f4").reshape(3, 5)
-        values[:, 3] = [1, 0, 1]
+        values[:, 3] = [4, 2, 4]
         header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\n"
         header += "".join(f"property float {name}\n" for name in names) + "end_header\n"
         (self.folder / "field.ply").write_bytes(header.encode() + values.tobytes())
         label = {key: estimate(1.0) for key in ("density_kg_m3", "youngs_modulus_pa", "poisson_ratio")}
         label |= {key: estimate(1.0) for key in ("yield_strength_pa", "friction_rubber")}
-        labels = [label | {"id": 0, "caption": "a cup", "material": "stoneware", "family": "ceramic"}]
-        labels += [label | {"id": 1, "caption": "its lid", "material": "cork", "family": "wood"}]
+        labels = [label | {"id": 2, "caption": "a cup", "material": "stoneware", "family": "ceramic"}]
+        labels += [label | {"id": 4, "caption": "its lid", "material": "cork", "family": "wood"}]
         self.write("labels.json", labels)
-        cup = {"id": 0, "volume_m3": estimate(1e-4), "thickness_m": None, "mass_kg": estimate(0.25)}
+        cup = {"id": 2, "volume_m3": estimate(1e-4), "thickness_m": None, "mass_kg": estimate(0.25)}
         cup |= {"center_of_mass_m": [1, 2, 3], "inertia_kg_m2": np.eye(3).tolist()}
-        lid = {"id": 1, "volume_m3": None, "thickness_m": None, "mass_kg": None}
+        lid = {"id": 4, "volume_m3": None, "thickness_m": None, "mass_kg": None}
         lid |= {"center_of_mass_m": None, "inertia_kg_m2": None}
         self.write("parts.json", {"object": {"mass_kg": estimate(0.25)}, "parts": [cup, lid]})
         self.stages = [{"name": "vote", "digest": "v", "inputs": []}]
@@ -64,7 +64,7 @@ class Made(unittest.TestCase):
 
     def test_bodies_that_are_written_as_parts_are_one_part(self):
         inertia = np.diag([0.001, 0.002, 0.003]).tolist()
-        body = {"id": 1, "thickness_m": estimate(0.03), "volume_m3": estimate(1e-5), "inertia_kg_m2": inertia}
+        body = {"id": 4, "thickness_m": estimate(0.03), "volume_m3": estimate(1e-5), "inertia_kg_m2": inertia}
         light = body | {"mass_kg": estimate(0.11), "center_of_mass_m": [0.3, 0, 0]}
         heavy = body | {"mass_kg": estimate(0.33), "center_of_mass_m": [-0.1, 0, 0]}
         self.write("parts.json", {"object": None, "parts": [light, heavy]})
@@ -99,8 +99,8 @@ class Made(unittest.TestCase):
 
     def test_a_part_is_found_by_a_piece_of_its_name(self):
         cup = gprop.load(self.folder)
-        self.assertEqual(cup.part("LID")["id"], 1)
-        self.assertEqual(cup.part("stoneware")["id"], 0)
+        self.assertEqual(cup.part("LID")["id"], 4)
+        self.assertEqual(cup.part("stoneware")["id"], 2)
         for name, words in (("handle", "0 parts"), ("t", "2 parts")):
             with self.assertRaisesRegex(KeyError, words):
                 cup.part(name)
@@ -111,7 +111,7 @@ class Made(unittest.TestCase):
         self.assertEqual((len(cup.grasps), cup.grasps["contacts_m"].shape), (0, (0, 2, 3)))
 
     def test_with_a_grasp(self):
-        place = {"part": "a cup", "part_id": 0, "feasible": True, "thickness_m": estimate(0.003)}
+        place = {"part": "a cup", "part_id": 2, "feasible": True, "thickness_m": estimate(0.003)}
         place |= {"contacts_m": [[0, 0, 0], [0, 0, 1]], "approach": [1, 0, 0], "width_m": 1, "lever_m": 0.1}
         place |= {"position_m": [0, 0, 0.5], "quaternion_wxyz": [1, 0, 0, 0]}
         place |= {"f_min_n": 2, "f_max_n": 9, "f_star_n": 5, "torque_margin_n_m": -0.5}

@@ -127,7 +127,7 @@ fn answers(found: &Answers) -> String {
 fn materials(field: &MaterialField) -> String {
     let mut text = String::new();
     for label in &field.labels {
-        let gaussians = field.part_label.iter().filter(|&&id| id == label.id).count();
+        let gaussians = field.part_ids().filter(|id| *id == label.id).count();
         let name = part_name(&label.caption, &label.material);
         let (material, name) = (one_line(&label.material), one_line(&name));
         let _ = writeln!(text, "  {:>2}  {material}  {} Gaussians: {name}", label.id, thousands(gaussians as u64));

@@ -113,7 +113,8 @@ impl<T: Number> TypedValueParser for Domain<T> {
     type Value = T;
 
     fn parse_ref(&self, command: &Command, argument: Option<&Arg>, value: &OsStr) -> Result<T, clap::Error> {
-        let parse = |text: &str| self.parse(text);
+        let domain = *self;
+        let parse = move |text: &str| domain.parse(text);
         TypedValueParser::parse_ref(&parse, command, argument, value)
     }
 }

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::gltf::Gltf;
 use super::shape::{PartMesh, Shape};
-use super::{ExportError, Files, Model, identifier};
+use super::{ExportError, Files, Model, identifier, label_of};
 use crate::pictures::palette;
 
 pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &mut Files) -> Result<(), ExportError> {
@@ -64,11 +64,11 @@ fn floats(points: &[Point3<f64>]) -> Vec<[f32; 3]> {
 
 /// The name of a part's node: its number makes it unique.
 fn label(model: &Model, part: u32) -> String {
-    format!("part{part} {}", model.field.labels[part as usize].caption)
+    format!("part{part} {}", label_of(&model.field.labels, part).caption)
 }
 
 fn extras(model: &Model, part: u32) -> Value {
-    let label = &model.field.labels[part as usize];
+    let label = label_of(&model.field.labels, part);
     let weighed = model.parts.and_then(|parts| parts.of_label(part));
     json!({
         "part": part,

@@ -26,7 +26,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
         all().map(|i| gaussians.rotation(i)).map(|q| [q.i, q.j, q.k, q.w].map(|v| v as f32)).collect();
     let scales: Vec<[f32; 3]> = all().map(|i| gaussians.scale(i).map(|s| (s * meters) as f32).into()).collect();
     let opacities: Vec<[f32; 1]> = all().map(|i| [gaussians.opacity(i) as f32]).collect();
-    let parts: Vec<[f32; 1]> = model.field.part_label.iter().map(|part| [*part as f32]).collect();
+    let parts: Vec<[f32; 1]> = model.field.part_ids().map(|id| [id as f32]).collect();
     attributes.insert(format!("{EXTENSION}:ROTATION"), json!(gltf.floats(&rotations, false)));
     attributes.insert(format!("{EXTENSION}:SCALE"), json!(gltf.floats(&scales, false)));
     attributes.insert(format!("{EXTENSION}:OPACITY"), json!(gltf.floats(&opacities, false)));

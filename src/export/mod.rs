@@ -182,7 +182,7 @@ struct Shared<'a> {
 impl Shared<'_> {
     fn shape(&self) -> Result<&Shape, ExportError> {
         let scale = self.model.scale.ok_or(PartsError::ScaleUnknown)?;
-        Ok(self.shape.get_or_init(|| Shape::of(self.model.interior, scale.meters_per_unit)))
+        Ok(self.shape.get_or_init(|| Shape::of(self.model.interior, &self.model.field.labels, scale.meters_per_unit)))
     }
 
     fn part_meshes(&self) -> Result<&[PartMesh], ExportError> {
@@ -247,13 +247,18 @@ impl Rigid<'_> {
     }
 
     fn label(&self, piece: &Piece) -> &FieldLabel {
-        &self.labels[piece.part as usize]
+        label_of(self.labels, piece.part)
     }
 
     /// The name of a piece that no other object has: several may be in one folder or one simulation.
     fn piece_name(&self, piece: &Piece) -> String {
         format!("{}_{}", self.name, piece.name())
     }
+}
+
+/// The label of the part with this id, which owns cells of the object.
+fn label_of(labels: &[FieldLabel], part_id: u32) -> &FieldLabel {
+    labels.iter().find(|label| label.id == part_id).expect("cells belong to parts that have a label")
 }
 
 /// Most bytes of an [`identifier`]: file systems allow 255, and an ending follows.

@@ -14,7 +14,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     let columns = field_ply::columns(model.field);
     let folder = format!("{}/parts", identifier(model.name));
     for label in &model.field.labels {
-        let kept: Vec<bool> = model.field.part_label.iter().map(|part| *part == label.id).collect();
+        let kept: Vec<bool> = model.field.part_ids().map(|id| id == label.id).collect();
         if !kept.contains(&true) {
             continue;
         }

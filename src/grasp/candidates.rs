@@ -104,7 +104,7 @@ pub fn candidates(
     options: &Options,
 ) -> Result<Found, GraspError> {
     let what = || match place {
-        Where::Part(id) => object.parts.of_label(id).map_or_else(String::new, |p| format!("part {:?}", p.caption)),
+        Where::Part(label) => format!("part {:?}", object.labels[label as usize].caption),
         Where::Anywhere | Where::Near(_) => "the object".to_owned(),
     };
     let friction = |label: &FieldLabel| options.policy.friction(label.friction_rubber);
@@ -177,11 +177,11 @@ fn forces_at(
     gripper: &GripperProfile,
     options: &Options,
 ) -> Result<Option<Forces>, GraspError> {
-    let Some(part) = object.parts.of_label(place.part) else { return Ok(None) };
+    let label = &object.labels[place.part as usize];
+    let Some(part) = object.parts.of_label(label.id) else { return Ok(None) };
     if part.volume_m3.is_none() {
         return Ok(None);
     }
-    let label = &object.labels[place.part as usize];
     let thickness = match part.thickness_m {
         Some(wall) if part.is_wall => wall,
         // With the same relative uncertainty of its size as the part's own.
@@ -208,11 +208,12 @@ fn candidate(
     let lever_m = place.lever_m(center);
     let torque_margin_n_m = torque_margin_n_m(forces, lever_m, gripper.contact_radius_m());
     let infeasible_because = forces.star.infeasible_because.or((torque_margin_n_m < 0.0).then_some(Reason::Turns));
-    let part = object.parts.of_label(place.part);
+    let part_id = object.labels[place.part as usize].id;
+    let part = object.parts.of_label(part_id);
     let (part, material) = part.map(|part| (part.caption, part.material)).unwrap_or_default();
     Candidate {
         part,
-        part_id: place.part,
+        part_id,
         material,
         contacts_m: place.contacts.map(Into::into),
         position_m: nalgebra::center(&place.contacts[0], &place.contacts[1]).into(),

@@ -143,14 +143,14 @@ pub fn grasp(
 ) -> Result<GraspReport, GraspError> {
     options.check()?;
     let (part, chosen) = grasped_part::choose(parts, options.part.as_deref())?;
-    let label = |id: u32| labels.iter().find(|l| l.id == id).ok_or(GraspError::NoLabel { part: id });
-    label(part.id)?;
+    let label = |id: u32| (0..).zip(labels).find(|(_, l)| l.id == id).ok_or(GraspError::NoLabel { part: id });
+    let (named, _) = label(part.id)?;
     let no_thickness = |part: &Part| GraspError::NoThickness { part: part.caption.clone(), why: part.no_volume };
     if options.part.is_some() && part.volume_m3.is_none() {
         return Err(no_thickness(&part));
     }
     let place = match (&options.part, options.point) {
-        (Some(_), _) => Where::Part(part.id),
+        (Some(_), _) => Where::Part(named),
         (None, Some(point)) => Where::Near(Point3::from(point) * meters_per_unit),
         (None, None) => Where::Anywhere,
     };
@@ -188,7 +188,7 @@ pub fn grasp(
             (part, chosen, thickness_m)
         }
     };
-    let inputs = Inputs::of(parts, label(part.id)?, thickness_m, gripper, options)?;
+    let inputs = Inputs::of(parts, label(part.id)?.1, thickness_m, gripper, options)?;
     let Forces { inputs, intervals, f_min_n, upper, star, .. } = inputs.forces(&part.caption, gripper, options)?;
     let infeasible = match (star.infeasible_because, candidates.first()) {
         (Some(reason), _) => Some(Infeasible::of_force(reason, f_min_n, upper.newtons, gripper)),

@@ -21,7 +21,7 @@ const THINNEST_M: f64 = 0.002;
 pub enum Where {
     /// On the whole object.
     Anywhere,
-    /// On the part with this label.
+    /// On the part with this label: its index in the list of labels.
     Part(u32),
     /// As near as possible to this point, m.
     Near(Point3<f64>),
@@ -32,7 +32,7 @@ pub enum Where {
 pub struct Place {
     /// World frame, m.
     pub contacts: [Point3<f64>; 2],
-    /// Label of the part that both contacts are on.
+    /// Label of the part that both contacts are on: its index in the list of labels.
     pub part: u32,
     /// Thickness of the part at the contact, m: the width, or less if the line leaves the part and enters it again.
     pub thickness_m: f64,

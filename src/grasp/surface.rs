@@ -38,7 +38,7 @@ pub struct SurfacePoint {
     pub position: Point3<f64>,
     /// Outward unit normal.
     pub normal: Vector3<f64>,
-    /// Label of the part.
+    /// Label of the part: its index in the list of labels.
     pub part: u32,
 }
 

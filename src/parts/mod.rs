@@ -67,7 +67,7 @@ pub struct PartsResult {
 /// The properties of a part that need no metric scale, in scene units and scene units cubed.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Shape {
-    /// Its value of `part_label` in `field.ply`.
+    /// The part id.
     pub id: u32,
     /// Number of Gaussians with its label.
     pub gaussians: usize,
@@ -295,7 +295,7 @@ fn shapes(
         let volume = Some(composed.volumes[l].interval()).filter(|volume| volume.mid > 0.0);
         let why = if owns_places[l] { NoVolume::NoMaterial } else { NoVolume::OwnsNoPlace };
         Shape {
-            id: l as u32,
+            id: field.labels[l].id,
             gaussians: gaussians[l],
             volume,
             no_volume: volume.is_none().then_some(why),
@@ -330,11 +330,15 @@ fn set_distances(
     }
 }
 
+fn caption<'a>(field: &'a MaterialField, shape: &Shape) -> &'a str {
+    field.labels.iter().find(|label| label.id == shape.id).map_or("", |label| &label.caption)
+}
+
 /// The error that no part has a volume, with the reason for each.
 fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
     let used: Vec<&Shape> = shapes.iter().filter(|shape| shape.gaussians > 0).collect();
     let why = used.iter().filter_map(|shape| {
-        let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
+        let (name, count) = (caption(field, shape), shape.gaussians);
         shape.no_volume.map(|why| format!("{name:?} ({}) {why}", counted(count, "Gaussian")))
     });
     PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
@@ -369,7 +373,7 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], lacks_wall
         ));
     }
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| !is_few(shape.gaussians, field)) {
-        let (name, count) = (&field.labels[shape.id as usize].caption, shape.gaussians);
+        let (name, count) = (caption(field, shape), shape.gaussians);
         warnings.push(format!(
             "part {name:?} ({}) {why}, so it has no volume and no mass; if it belongs to the object, check whether its \
              pictures in the report show it",
@@ -399,7 +403,7 @@ fn notes(
     composed: &Composed,
     min_part_share: f64,
 ) -> Vec<String> {
-    let caption = |l: u32| &field.labels[l as usize].caption;
+    let caption_of = |label: u32| &field.labels[label as usize].caption;
     let mut notes = Vec::new();
     if floaters > 0 && are_usual(floaters, field) {
         let count = field.part_label.len();
@@ -407,16 +411,16 @@ fn notes(
         notes.push(format!("{floaters} of {count} Gaussians {float} not counted in any volume"));
     }
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| is_few(shape.gaussians, field)) {
-        let (name, count) = (caption(shape.id), shape.gaussians);
+        let (name, count) = (caption(field, shape), shape.gaussians);
         notes.push(format!(
             "part {name:?} ({count} of {} Gaussians) {why}, so it has no volume and no mass",
             field.part_label.len()
         ));
     }
-    let volumes = || shapes.iter().filter_map(|shape| Some((shape.id, shape.volume?.mid)));
+    let volumes = || shapes.iter().filter_map(|shape| Some((shape, shape.volume?.mid)));
     let whole: f64 = volumes().map(|(_, volume)| volume).sum();
-    for (id, volume) in volumes().filter(|(_, volume)| *volume < min_part_share * whole) {
-        let (name, percent) = (caption(id), 100.0 * volume / whole);
+    for (shape, volume) in volumes().filter(|(_, volume)| *volume < min_part_share * whole) {
+        let (name, percent) = (caption(field, shape), 100.0 * volume / whole);
         notes.push(format!(
             "part {name:?} is {} % of the object's volume: a small detail, or a speck left by a wrong answer",
             significant(percent)
@@ -427,21 +431,21 @@ fn notes(
     }
     let is_hollow =
         |l: usize| constructions[l] != Construction::Solid && shapes[l].volume.is_some() && composed.cores[l].is_none();
-    let unknown = field.labels.iter().filter(|label| label.inside == Some(Contents::Unknown));
-    for label in unknown.filter(|label| is_hollow(label.id as usize)) {
+    let unknown = field.labels.iter().enumerate().filter(|(_, label)| label.inside == Some(Contents::Unknown));
+    for (_, label) in unknown.filter(|(l, _)| is_hollow(*l)) {
         notes.push(format!("the inside of {:?} is unknown, so the part is weighed as empty", label.caption));
     }
     for (shell, core) in composed.cores.iter().enumerate() {
         if let Some(core) = core {
-            let (shell, core) = (caption(shell as u32), caption(*core));
+            let (shell, core) = (caption_of(shell as u32), caption_of(*core));
             notes.push(format!("{core:?} is assumed to continue inside {shell:?}, where no view sees it"));
         }
     }
     for (peg, through) in &composed.passages {
         notes.push(format!(
             "{:?} is assumed to go through {:?}, where no view sees it",
-            caption(*peg),
-            caption(*through)
+            caption_of(*peg),
+            caption_of(*through)
         ));
     }
     notes

@@ -125,7 +125,8 @@ impl fmt::Display for NoVolume {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Part {
-    /// Its value of `part_label` in `field.ply`.
+    /// The part id, as in the questions; also its value of `part_label` in `field.ply`. The bodies of a part that are
+    /// written as parts have the same.
     pub id: u32,
     pub caption: String,
     /// Name of the library row.

@@ -7,7 +7,8 @@ use crate::vote::{FieldLabel, MaterialField};
 
 /// One colour per Gaussian, that of its part.
 pub fn part_colors(field: &MaterialField) -> Vec<[f32; 3]> {
-    field.part_label.iter().map(|&label| palette::part(label)).collect()
+    let of_label: Vec<_> = field.labels.iter().map(|label| palette::part(label.id)).collect();
+    field.part_label.iter().map(|&label| of_label[label as usize]).collect()
 }
 
 /// One colour per Gaussian, that of its material: the palette's colour at its `material_id`.

@@ -42,8 +42,9 @@ const VIRIDIS: [[u8; 3]; 9] = [
     [253, 231, 37],
 ];
 
-/// Colour of part `n`, sRGB, 0 to 1. After the distinct ones, each hue is advanced by the golden angle.
-pub fn part(n: u32) -> [f32; 3] {
+/// Colour of the part with this id, sRGB, 0 to 1. After the distinct ones, each hue is advanced by the golden angle.
+pub fn part(id: u32) -> [f32; 3] {
+    let n = id.saturating_sub(1);
     PARTS.get(n as usize).map_or_else(|| hue(n, 0.84, 0.09), |rgb| unit(*rgb))
 }
 

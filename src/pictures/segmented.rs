@@ -29,7 +29,7 @@ pub fn levels(camera: &Camera, photo: &Photo, levels: &[(Level, LabelMap)]) -> R
             Level::Middle => format!("Middle: {count}"),
             Level::Large => format!("Large: {count}"),
         };
-        Panel::new(&title, bordered(&framing, photo, map, |id| palette::part(u32::from(id) - 1)))
+        Panel::new(&title, bordered(&framing, photo, map, |id| palette::part(u32::from(id))))
     };
     let photo = Panel::new("Photo", framing.photo(photo));
     compose(&std::iter::once(photo).chain(levels.iter().map(panel)).collect::<Vec<_>>())

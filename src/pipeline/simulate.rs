@@ -177,9 +177,10 @@ impl Pipeline {
             return Ok((materials, points));
         }
         for filling in &parts.fillings {
-            let Some(shell) = field.labels.get(filling.inside_of as usize) else { continue };
+            let shell = (0..).zip(&field.labels).find(|(_, label)| label.id == filling.inside_of);
+            let Some((shell_label, shell)) = shell else { continue };
             let Some(Contents::Filled(filled)) = &shell.inside else { continue };
-            let own: Vec<_> = interior.fillings().filter(|(_, of, _)| *of == shell.id).collect();
+            let own: Vec<_> = interior.fillings().filter(|(_, of, _)| *of == shell_label).collect();
             let shares: f64 = own.iter().map(|(.., share)| share).sum();
             if shares <= 0.0 {
                 continue;
@@ -188,8 +189,8 @@ impl Pipeline {
             // is missing there.
             let shown_m3 = shares * cell_volume * scale.meters_per_unit.powi(3);
             let label = materials.len() as u32;
-            let material =
-                Material::of_filling(filled, &shell.caption, (fillings == Fillings::Weigh).then_some(shell.id));
+            let moves_with = (fillings == Fillings::Weigh).then_some(shell_label);
+            let material = Material::of_filling(filled, shell, moves_with);
             materials.push(Material { density_kg_m3: filling.mass_kg.mid / shown_m3, ..material });
             points.extend(own.into_iter().map(|(index, _, share)| point((index, label, share))));
         }
@@ -203,10 +204,10 @@ fn set_densities(materials: &mut [Material], parts: &Parts, interior: &Interior,
     let mut shown_m3 = vec![0.0; materials.len()];
     let cell_m3 = (interior.grid.cell * meters_per_unit).powi(3);
     interior.filled().for_each(|(_, label, share)| shown_m3[label as usize] += share * cell_m3);
-    for part in parts.by_label() {
-        let label = part.id as usize;
-        materials[label].density_kg_m3 = match part.mass_kg {
-            Some(mass) if shown_m3[label] > 0.0 => mass.mid / shown_m3[label],
+    for (material, shown_m3) in materials.iter_mut().zip(shown_m3) {
+        let Some(part) = parts.of_label(material.part_id) else { continue };
+        material.density_kg_m3 = match part.mass_kg {
+            Some(mass) if shown_m3 > 0.0 => mass.mid / shown_m3,
             _ => part.density_kg_m3.mid,
         };
     }

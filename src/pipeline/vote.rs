@@ -110,8 +110,8 @@ pub(super) fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<Vi
 pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
     let [path, path_of_labels] = [Artifact::Field, Artifact::Labels].map(|artifact| root.join(artifact.path()));
     let labels: Vec<FieldLabel> = workdir::read_json(&path_of_labels)?;
-    if !(0..).zip(&labels).all(|(id, label)| label.id == id) {
-        let problem = "its labels are not numbered from 0 on".to_owned();
+    if !(labels.first().is_none_or(|first| first.id > 0) && labels.is_sorted_by(|one, next| one.id < next.id)) {
+        let problem = "its labels are not numbered in order, from 1 on".to_owned();
         return Err(WorkDirError::Damaged { path: path_of_labels, problem }.into());
     }
     let gaussians = ply::read(&path)?.gaussians;

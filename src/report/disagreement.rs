@@ -10,7 +10,7 @@ use crate::query::{Answers, Outcome};
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Disagreement {
-    /// The part's number on the sheets, `segment` in `answers.jsonl`.
+    /// The part id.
     pub part: u16,
     /// The materials, starting with the one that has the most answers; among equals, by name.
     pub materials: Vec<NamedMaterial>,
@@ -26,7 +26,7 @@ pub struct NamedMaterial {
 }
 
 impl Disagreement {
-    /// The parts whose answers name more than one material, by number. The answers must be about parts: a segment's
+    /// The parts whose answers name more than one material, by id. The answers must be about parts: a segment's
     /// number means something else in every view.
     pub fn all(answers: &Answers) -> Vec<Self> {
         let mut named: BTreeMap<u16, BTreeMap<&str, Vec<String>>> = BTreeMap::new();

@@ -29,7 +29,7 @@ pub use summary::{ESTIMATED, grasp_line, mass_line, part_lines, size_line, summa
 
 /// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its
 /// meaning or is removed.
-pub const SCHEMA_VERSION: u32 = 1;
+pub const SCHEMA_VERSION: u32 = 2;
 
 /// The whole result of `gprop run`. SI throughout: m, kg, s, Pa, N, rad. The world frame is that of the input splat;
 /// lengths in scene units say so.
@@ -52,9 +52,9 @@ pub struct Report {
     pub disagreements: Vec<Disagreement>,
     /// `None` if the metric scale is unknown.
     pub parts: Option<Parts>,
-    /// The properties of each part, in the order of `part_label` in `field.ply`.
+    /// The properties of each part, by id.
     pub labels: Vec<FieldLabel>,
-    /// Number of Gaussians with each label.
+    /// Number of Gaussians with each of the labels.
     pub gaussians_per_label: Vec<usize>,
     /// `None` if it was left out.
     pub simulation: Option<SimulationReport>,
@@ -66,6 +66,14 @@ pub struct Report {
     pub notes: Vec<Remark>,
     /// How to reproduce this result.
     pub reproduction: Reproduction,
+}
+
+impl Report {
+    /// Number of Gaussians with a label.
+    fn gaussians_of(&self, label: &FieldLabel) -> Option<usize> {
+        let index = self.labels.iter().position(|other| other.id == label.id)?;
+        self.gaussians_per_label.get(index).copied()
+    }
 }
 
 /// How to reproduce a result.

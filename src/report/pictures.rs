@@ -50,7 +50,7 @@ pub struct ViewPictures {
     pub segments: Vec<u8>,
     /// The Gaussians in the colours of their parts.
     pub materials: Vec<u8>,
-    /// The part that each segment shows, as its `part_label` in `field.ply`.
+    /// The id of the part that each segment shows.
     pub part_of_segment: BTreeMap<u16, u32>,
 }
 
@@ -63,8 +63,7 @@ pub struct SheetPicture {
 }
 
 impl Pictures {
-    /// The part that the Gaussians under a `segment` of a `view` belong to, as its `part_label` in `field.ply`; `None` if
-    /// no Gaussian is there.
+    /// The id of the part that the Gaussians under a `segment` of a `view` belong to; `None` if no Gaussian is there.
     pub fn part_of(&self, view: &str, segment: u16) -> Option<u32> {
         let view = self.views.iter().find(|drawn| drawn.name == view)?;
         view.part_of_segment.get(&segment).copied()
@@ -95,7 +94,9 @@ impl ViewPictures {
     ) -> Result<Self, PictureError> {
         let photo = view.photo()?;
         let labels = render_labels(gaussians, &view.camera, &field.part_label, &RenderOptions::default());
-        let part_of_segment = labels_of_segments(map, &labels);
+        let id_of = |label: u32| field.labels[label as usize].id;
+        let part_of_segment: BTreeMap<u16, u32> =
+            labels_of_segments(map, &labels).into_iter().map(|(segment, label)| (segment, id_of(label))).collect();
         let color = |segment| part_of_segment.get(&segment).map_or(palette::NOTHING, |part| palette::part(*part));
         let of_parts = field_colors::part_colors(field);
         let seen = |colors| jpeg(&seen(view, gaussians, colors), LONGEST_SIDE);

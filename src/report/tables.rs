@@ -70,7 +70,7 @@ pub(super) fn parts(report: &Report) -> String {
     named()
         .text("family", |label| label.family.clone())
         .text("form", |label| form(label.form).to_owned())
-        .number("gaussians", |label| report.gaussians_per_label.get(label.id as usize).copied())
+        .number("gaussians", |label| report.gaussians_of(label))
         .estimate("volume_m3", |label| part(label)?.volume_m3)
         .estimate("thickness_m", |label| part(label)?.thickness_m)
         .estimate("density_kg_m3", |label| Some(label.density_kg_m3))

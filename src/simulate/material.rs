@@ -43,6 +43,8 @@ impl Soften {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Material {
     pub name: String,
+    /// Id of the part that it is the material of; that of the shell for a filling.
+    pub part_id: u32,
     /// Name of the part.
     pub caption: String,
     pub density_kg_m3: f64,
@@ -56,8 +58,8 @@ pub struct Material {
 }
 
 impl Material {
-    /// The material of the filling of the shell named `caption`; it moves with the shell `moves_with`, if any.
-    pub fn of_filling(filled: &Filled, caption: &str, moves_with: Option<u32>) -> Self {
+    /// The material of the filling of a `shell`; it moves with the shell's label `moves_with`, if any.
+    pub fn of_filling(filled: &Filled, shell: &FieldLabel, moves_with: Option<u32>) -> Self {
         let youngs_modulus_pa = filled.youngs_modulus_pa.mid;
         let strength_pa = match filled.law {
             Law::VonMises { yield_stress_pa }
@@ -68,7 +70,8 @@ impl Material {
         };
         Self {
             name: filled.filling.clone(),
-            caption: format!("{} in {caption}", filled.filling),
+            part_id: shell.id,
+            caption: format!("{} in {}", filled.filling, shell.caption),
             density_kg_m3: filled.density_kg_m3.mid,
             youngs_modulus_pa,
             poisson_ratio: filled.poisson_ratio.mid,
@@ -88,6 +91,7 @@ impl From<&FieldLabel> for Material {
     fn from(label: &FieldLabel) -> Self {
         Self {
             name: label.material.clone(),
+            part_id: label.id,
             caption: label.caption.clone(),
             density_kg_m3: label.density_kg_m3.mid,
             youngs_modulus_pa: label.youngs_modulus_pa.mid,

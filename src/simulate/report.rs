@@ -55,7 +55,7 @@ impl SimulationReport {
         ]
     }
 
-    /// Notes the peak pressures on rigid parts, by label.
+    /// Notes the peak pressures on rigid parts: the label of each, and the pressure.
     pub(super) fn note_pressures(&mut self, peaks: impl Iterator<Item = (u32, f64)>) {
         for (label, peak_pressure_pa) in peaks {
             for part in self.rigid.iter_mut().filter(|part| part.label == label) {
@@ -100,8 +100,11 @@ pub struct FilledReport {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct RigidReport {
-    /// The part's value of `part_label` in `field.ply`.
-    pub label: u32,
+    /// The part id; that of the shell for a filling.
+    pub part_id: u32,
+    /// Its label in the run.
+    #[serde(skip)]
+    pub(super) label: u32,
     pub part: String,
     pub material: String,
     /// The body's number: parts that are joined have the same.

@@ -392,6 +392,7 @@ fn rigid_report(input: &Input, choice: &Choice, load: &Load) -> Vec<RigidReport>
     let of = |(label, body): (usize, &Option<u32>)| {
         let material = &input.materials[label];
         Some(RigidReport {
+            part_id: material.part_id,
             label: label as u32,
             part: material.caption.clone(),
             material: material.name.clone(),
@@ -465,6 +466,7 @@ mod tests {
     fn cube(youngs_modulus_pa: f64, options: &Options) -> Setup {
         let steel = Material {
             name: "steel".to_owned(),
+            part_id: 1,
             caption: "cube".to_owned(),
             density_kg_m3: 7850.0,
             youngs_modulus_pa,

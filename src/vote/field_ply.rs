@@ -1,9 +1,14 @@
 //! The material field as extra vertex properties of a PLY.
 
+use std::collections::BTreeMap;
+
 use super::{FieldLabel, MaterialField};
 use crate::gaussians::ExtraProperty;
 use crate::materials::{Material, MaterialLibrary};
 use crate::units::Estimate;
+
+/// The largest part id that a column of 32-bit floats holds exactly.
+const LARGEST_ID: usize = 1 << 24;
 
 /// Names of the materials that the labels use, sorted: `material_id` is the index into this list.
 pub fn material_names(labels: &[FieldLabel]) -> Vec<&str> {
@@ -18,7 +23,7 @@ pub fn materials<'a>(labels: &[FieldLabel], library: &'a MaterialLibrary) -> Vec
     material_names(labels).into_iter().filter_map(|name| library.get(name)).collect()
 }
 
-/// The columns of `field.ply`, one value per Gaussian: `part_label`, `material_id`, `density` (kg/m3), `E` (Pa), `nu`,
+/// The columns of `field.ply`, one value per Gaussian: `part_label` (the part id), `material_id`, `density` (kg/m3), `E` (Pa), `nu`,
 /// `yield_stress` (Pa), `friction` (on a rubber pad), `hardness` (Shore, on the scale of the label's material; NaN if
 /// it has none), `conf` (0 to 1), `votes`, `views` (0: label taken from the nearest seen Gaussians).
 pub fn columns(field: &MaterialField) -> Vec<ExtraProperty> {
@@ -29,7 +34,7 @@ pub fn columns(field: &MaterialField) -> Vec<ExtraProperty> {
     };
     let mid = |name, estimate: fn(&FieldLabel) -> Estimate| of_label(name, &|label| estimate(label).mid);
     vec![
-        property("part_label", field.part_label.iter().map(|&label| label as f32)),
+        of_label("part_label", &|label| f64::from(label.id)),
         of_label("material_id", &|label| names.iter().position(|name| *name == label.material).unwrap_or(0) as f64),
         mid("density", |label| label.density_kg_m3),
         mid("E", |label| label.youngs_modulus_pa),
@@ -53,7 +58,9 @@ pub fn read(columns: &[ExtraProperty], labels: Vec<FieldLabel>) -> Option<Materi
     let whole = |value: &f32, below: usize| {
         (value.fract() == 0.0 && *value >= 0.0 && (*value as usize) < below).then_some(*value as u32)
     };
-    let part_label: Option<Vec<u32>> = column("part_label")?.iter().map(|value| whole(value, labels.len())).collect();
+    let index_of: BTreeMap<u32, u32> = labels.iter().map(|label| label.id).zip(0..).collect();
+    let label_of = |id: &f32| index_of.get(&whole(id, LARGEST_ID + 1)?).copied();
+    let part_label: Option<Vec<u32>> = column("part_label")?.iter().map(label_of).collect();
     let views = column("views")?.iter().map(|value| whole(value, 1 << 16).map(|views| views as u16));
     Some(MaterialField {
         part_label: part_label?,

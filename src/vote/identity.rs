@@ -35,6 +35,8 @@ pub(super) const SAME_PART_OVERLAP: f64 = 0.5;
 pub(super) struct Identity<'a> {
     /// Numbered in the order of their first view's segment.
     pub part_of_segment: Vec<u32>,
+    /// The ids of the 3D parts, if the parts were known before the vote.
+    pub ids: Option<Vec<u32>>,
     /// The material of each 3D part: index into [`AnsweredSegments::materials`].
     pub material_of_part: Vec<u32>,
     /// The answers about each 3D part with their weights, the heaviest first.
@@ -64,7 +66,7 @@ impl<'a> Identity<'a> {
         }
         answers_of_part.iter_mut().for_each(|answers| answers.sort_by(|a, b| b.1.total_cmp(&a.1)));
         let material_of_part = firsts.iter().map(|&first| materials[first]).collect();
-        Self { part_of_segment, material_of_part, answers_of_part, seen }
+        Self { part_of_segment, ids: None, material_of_part, answers_of_part, seen }
     }
 
     /// Takes the parts as they are: ids are the same in all views. `parts` is not empty.
@@ -83,6 +85,7 @@ impl<'a> Identity<'a> {
         };
         Self {
             part_of_segment: segments.segments.iter().map(|segment| number(segment.segment)).collect(),
+            ids: Some(parts.iter().map(|part| u32::from(part.id)).collect()),
             material_of_part: parts.iter().map(material).collect(),
             answers_of_part: parts.iter().map(|part| part.answers.clone()).collect(),
             seen: seen.into_iter().map(|seen| (seen * f64::from(LIGHT_STEPS)) as u64).collect(),

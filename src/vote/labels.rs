@@ -9,7 +9,7 @@ use crate::materials::MaterialLibrary;
 use crate::query::{Answer, Form};
 use crate::units::{Range, ShoreHardness};
 
-/// The label with number `id` for `choice`: from the answers for this material about this 3D part, never from those for
+/// The label with this `id` for `choice`: from the answers for this material about this 3D part, never from those for
 /// another material. The caption is that of the answer with most weight.
 pub(super) fn label(
     id: u32,

@@ -78,7 +78,7 @@ impl<'a> AnsweredPart<'a> {
 /// The result of the vote for every Gaussian.
 #[derive(Debug, Clone, PartialEq)]
 pub struct MaterialField {
-    /// The labels that a Gaussian may have; `labels[i].id == i`.
+    /// The labels that a Gaussian may have, by id.
     pub labels: Vec<FieldLabel>,
     /// Per Gaussian: index into `labels`.
     pub part_label: Vec<u32>,
@@ -96,6 +96,11 @@ pub struct MaterialField {
 }
 
 impl MaterialField {
+    /// Per Gaussian: the id of its part.
+    pub fn part_ids(&self) -> impl Iterator<Item = u32> {
+        self.part_label.iter().map(|&label| self.labels[label as usize].id)
+    }
+
     /// Keeps the Gaussians whose entry in `kept` is true, in their order.
     pub fn retain(&mut self, kept: &[bool]) {
         fn retain<T>(values: &mut Vec<T>, kept: &[bool]) {
@@ -114,7 +119,7 @@ impl MaterialField {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct FieldLabel {
-    /// The part's value of `part_label` in `field.ply`.
+    /// The part id, from 1, which is also the part's value of `part_label` in `field.ply`.
     pub id: u32,
     pub caption: String,
     /// Name of the library row.
@@ -283,7 +288,8 @@ fn cameras_inside(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
     views.iter().filter(is_inside).map(text).collect()
 }
 
-/// Numbers the choices that occur, the most frequent first, and gathers the properties of each.
+/// Gathers the properties of each choice that occurs. Its id is that of its part, if that was known before the vote; else
+/// the choices are numbered from 1, the most frequent first.
 fn field(
     choices: &[PartMaterial],
     elected: &[Option<Elected>],
@@ -292,13 +298,17 @@ fn field(
     library: &MaterialLibrary,
     (views, agree): (&[ViewInput], Agreement),
 ) -> MaterialField {
-    let made = by_frequency(choices);
+    let mut made: Vec<(u32, PartMaterial)> = (1..).zip(by_frequency(choices)).collect();
+    if let Some(ids) = &identity.ids {
+        made.iter_mut().for_each(|(id, choice)| *id = ids[choice.part as usize]);
+        made.sort_unstable();
+    }
     let name = |choice: PartMaterial| segments.materials[choice.material as usize];
-    let labels =
-        (0..).zip(&made).map(|(id, &choice)| labels::label(id, choice, name(choice), identity, library)).collect();
-    let label_of = |choice: &PartMaterial| made.iter().position(|other| other == choice).expect("listed above") as u32;
+    let labels = made.iter().map(|&(id, choice)| labels::label(id, choice, name(choice), identity, library)).collect();
+    let label_of =
+        |choice: &PartMaterial| made.iter().position(|(_, other)| other == choice).expect("listed above") as u32;
     // Gaussians that choose for themselves count every answer in their own votes.
-    let agreement = |&choice: &PartMaterial| match agree {
+    let agreement = |&(_, choice): &(u32, PartMaterial)| match agree {
         Agreement::Part => identity.agreement(choice.part, name(choice)) as f32,
         Agreement::Gaussian => 1.0,
     };

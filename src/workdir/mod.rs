@@ -27,7 +27,7 @@ use crate::files;
 pub use checksum::{Checksum, Checksumming, hexadecimal, sha256_of_file};
 
 /// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again.
-pub const FORMAT_VERSION: u32 = 7;
+pub const FORMAT_VERSION: u32 = 8;
 
 /// Name of the work folder inside a scene.
 pub const DEFAULT_NAME: &str = "gprop";

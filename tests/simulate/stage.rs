@@ -77,6 +77,7 @@ impl Bar {
 fn materials() -> Vec<Material> {
     let wood = Material {
         name: "oak".to_owned(),
+        part_id: 1,
         caption: "handle".to_owned(),
         density_kg_m3: 700.0,
         youngs_modulus_pa: 1e10,
@@ -87,6 +88,7 @@ fn materials() -> Vec<Material> {
     };
     let lead = Material {
         name: "lead".to_owned(),
+        part_id: 2,
         caption: "head".to_owned(),
         density_kg_m3: 11340.0,
         youngs_modulus_pa: 1.6e10,

@@ -416,6 +416,27 @@ fn an_unknown_material_in_any_answer_about_a_part_is_refused_by_name() {
     }
 }
 
+/// The questions, and the people who read them, know a part by this id.
+#[test]
+fn a_part_keeps_the_id_under_which_it_was_asked_about() {
+    let gaussians = cloud(&wall(0.0));
+    // More Gaussians belong to part 9, and none to part 2.
+    let ids = labels_by(&gaussians, |[x, ..]| if x < -0.3 { 4 } else { 9 });
+    let mut ballot = Ballot::default();
+    ballot.view(&gaussians, front(2), &ids);
+    let (end, board, pin) = (answer("end", 0), answer("board", 1), answer("pin", 2));
+    let parts = AnsweredPart::collect([(9, &board, 9.0), (4, &end, 4.0), (2, &pin, 1.0)]);
+    let (views, library, options) = (ballot.inputs(), MaterialLibrary::builtin(), Options::default());
+    let field = vote_on_parts(&gaussians, &views, &parts, library, &options, Progress::Hidden).unwrap();
+    let named: Vec<(u32, &str)> = field.labels.iter().map(|label| (label.id, label.caption.as_str())).collect();
+    assert_eq!(named, [(4, "end"), (9, "board")]);
+    let found: Vec<u32> = field.part_ids().collect();
+    assert_eq!((found[0], found[31]), (4, 9));
+    let columns = field_ply::columns(&field);
+    assert!(columns[0].values.iter().zip(&found).all(|(column, id)| *column == *id as f32));
+    assert_eq!(field_ply::read(&columns, field.labels.clone()).unwrap(), field);
+}
+
 #[test]
 fn strange_gaussians_and_a_camera_inside_do_no_harm() {
     let mut blobs = wall(0.0);

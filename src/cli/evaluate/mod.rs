@@ -92,7 +92,7 @@ fn evaluate_masses(
     print(global, &found, || mass::text(&found))
 }
 
-/// For each part that was found, the true part that it mostly shows; empty if the scene has no true part maps.
+/// For each part that was found, by its id, the true part that it mostly shows; empty if the scene has no true part maps.
 fn shown_parts(
     global: &Global,
     scene: &Path,
@@ -106,7 +106,8 @@ fn shown_parts(
     let (gaussians, field) = Stored::open(scene, out, &[Stage::Vote])?.field()?;
     let mapped = pipeline.scene().views.iter().filter(|view| true_map(scene, view).exists());
     let views = mapped.map(|view| true_view(scene, view, &pipeline.options().scene, false));
-    Ok(most_shown(&gaussians, &field.part_label, &views.collect::<anyhow::Result<Vec<_>>>()?))
+    let part_ids: Vec<u32> = field.part_ids().collect();
+    Ok(most_shown(&gaussians, &part_ids, &views.collect::<anyhow::Result<Vec<_>>>()?))
 }
 
 /// The scenes of a data set that states their weights.

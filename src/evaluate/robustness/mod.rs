@@ -96,7 +96,7 @@ pub fn measure(
         let views = if condition.few { &some } else { &all };
         let voters = Voters { gaussians: &scene.gaussians, views, merged: condition.merged, wrong: condition.wrong };
         let labels = voters.labels(options, &mut Rng::with_seed(seed))?;
-        Ok(label_ious(&scene.gaussians, &labels, compared))
+        Ok::<_, VoteError>(label_ious(&scene.gaussians, &labels, compared))
     };
     let of_condition = |condition: &Condition| {
         let repeats = if condition.merged + condition.wrong > 0.0 { REPEATS } else { 1 };
@@ -106,7 +106,11 @@ pub fn measure(
                 *iou.entry(part).or_default() += value / repeats as f64;
             }
         }
-        Ok(Row { condition: condition.name, mean_iou: iou.values().sum::<f64>() / iou.len() as f64, iou })
+        Ok::<_, VoteError>(Row {
+            condition: condition.name,
+            mean_iou: iou.values().sum::<f64>() / iou.len() as f64,
+            iou,
+        })
     };
     Ok(Robustness {
         scene: scene.name.clone(),

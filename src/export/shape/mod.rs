@@ -20,6 +20,7 @@ use rayon::prelude::*;
 use super::Model;
 use crate::gaussians::Gaussians;
 use crate::parts::Interior;
+use crate::vote::FieldLabel;
 pub use bake::Painter;
 pub use pieces::Piece;
 use solid::Solid;
@@ -108,7 +109,7 @@ const SHADING_EDGE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 pub struct Skin {
     /// In metres.
     pub mesh: Mesh,
-    /// Per triangle: the part that it belongs to.
+    /// Per triangle: the id of the part that it belongs to.
     pub part: Vec<u32>,
     /// Per triangle and corner: where it lies on the picture, from 0 to 1, v upwards.
     pub uv: Vec<[[f64; 2]; 3]>,
@@ -118,7 +119,7 @@ pub struct Skin {
 
 /// The surface of one part.
 pub struct PartMesh {
-    /// Label of the part.
+    /// Id of the part.
     pub part: u32,
     /// In metres.
     pub mesh: Mesh,
@@ -134,8 +135,8 @@ pub struct Shape {
 }
 
 impl Shape {
-    pub fn of(interior: &Interior, meters_per_unit: f64) -> Self {
-        let solid = Solid::of(interior);
+    pub fn of(interior: &Interior, labels: &[FieldLabel], meters_per_unit: f64) -> Self {
+        let solid = Solid::of(interior, labels);
         let pieces = pieces::pieces(&solid, meters_per_unit);
         Self { solid, meters_per_unit, pieces }
     }

@@ -43,7 +43,7 @@ const CRUMB: f64 = 5e-4;
 /// A convex piece of one part.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Piece {
-    /// Label of the part.
+    /// Id of the part.
     pub part: u32,
     /// Its index among the part's pieces.
     pub index: usize,

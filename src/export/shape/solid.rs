@@ -5,20 +5,24 @@ use std::collections::VecDeque;
 use nalgebra::{Point3, Vector3};
 
 use crate::parts::{FILLING, Grid, Interior, OUTSIDE, VOID};
+use crate::vote::FieldLabel;
 
 /// The cells of the object.
 pub struct Solid {
     pub grid: Grid,
-    /// Per cell: the part that fills it, the shell whose filling does or, in a void, the part whose wall is nearest;
-    /// [`OUTSIDE`] elsewhere.
+    /// Per cell: the id of the part that fills it, of the shell whose filling does or, in a void, of the part whose wall is
+    /// nearest; [`OUTSIDE`] elsewhere.
     pub part: Vec<u32>,
 }
 
 impl Solid {
     /// Gives fillings to their shells, and each cell of a void to the part from which the fewest steps lead to it.
-    pub fn of(interior: &Interior) -> Self {
+    pub fn of(interior: &Interior, labels: &[FieldLabel]) -> Self {
         let grid = interior.grid;
-        let owner = |part: &u32| if (FILLING..VOID).contains(part) { part - FILLING } else { *part };
+        let owner = |content: &u32| match *content {
+            VOID | OUTSIDE => *content,
+            label => labels[(label & !FILLING) as usize].id,
+        };
         let mut part: Vec<u32> = interior.part.iter().map(owner).collect();
         let is_wall = |i: &usize| part[*i] < VOID && grid.neighbours(*i).any(|n| part[n] == VOID);
         let mut queue: VecDeque<usize> = (0..part.len()).filter(is_wall).collect();

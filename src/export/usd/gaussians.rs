@@ -59,7 +59,7 @@ pub fn write(text: &mut String, model: &Model, rigid: &Rigid) {
         coefficients = gaussians.sh_rest_per_channel() + 1,
         harmonics = list(all().flat_map(|i| harmonics(gaussians, i))),
         colors = list(all().map(|i| tuple(color(i), 3))),
-        parts = list(model.field.part_label.iter().map(u32::to_string)),
+        parts = list(model.field.part_ids().map(|id| id.to_string())),
     );
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use nalgebra::Point3;
 
 use super::text::{extent, list, quoted, rounded, triple, tuple};
-use crate::export::{Piece, Rigid};
+use crate::export::{Piece, Rigid, label_of};
 
 /// The visual mesh, with a subset and a material for each part.
 pub fn write_skin(text: &mut String, rigid: &Rigid) {
@@ -37,7 +37,7 @@ pub fn write_skin(text: &mut String, rigid: &Rigid) {
     }
     for part in parts {
         let own = (0..skin.part.len()).filter(|t| skin.part[*t] == part);
-        let label = &rigid.labels[part as usize];
+        let label = label_of(rigid.labels, part);
         let _ = write!(
             text,
             r#"

@@ -28,7 +28,7 @@ const RUN: usize = 12;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Interior {
     pub grid: Grid,
-    /// Per cell: id of the part that fills it, [`FILLING`] plus the id of the shell whose filling does, [`OUTSIDE`] or
+    /// Per cell: index of the label of the part that fills it, [`FILLING`] plus that of the shell whose filling does, [`OUTSIDE`] or
     /// [`VOID`].
     pub part: Vec<u32>,
     /// Per cell: share of it that is material, 0 to 1. Below 1 where a wall is thinner than the cell.

@@ -217,7 +217,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         }),
         material => &label.material,
         family => &label.family,
-        gaussians => report.gaussians_per_label[label.id as usize],
+        gaussians => report.gaussians_of(label),
         form => tables::form(label.form),
         numbers => vec![
             measured(|part| part.volume_m3, &times(1e6)),

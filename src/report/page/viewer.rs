@@ -16,7 +16,7 @@ use super::css;
 #[derive(Serialize)]
 pub(super) struct Viewer<'a> {
     cloud: Shown<'a>,
-    /// By `part_label`.
+    /// In the order of the labels, which the cloud's Gaussians count from 0.
     parts: Vec<ViewerPart<'a>>,
     properties: Vec<Property>,
     motion: Option<Moves<'a>>,
@@ -51,7 +51,7 @@ struct Moves<'a> {
     times_s: &'a [f64],
     ground_z: f64,
     sphere: Ball,
-    /// By `part_label`.
+    /// In the order of the labels.
     paths: &'a [Path],
     /// Number of Gaussians with a track of their own.
     tracks: usize,
@@ -75,7 +75,7 @@ struct Property {
     unit: &'static str,
     /// True if it is coloured by its logarithm.
     log: bool,
-    /// By `part_label`; `None` if the part has no value.
+    /// In the order of the labels; `None` if the part has no value.
     values: Vec<Option<Shade>>,
 }
 

@@ -1,8 +1,5 @@
 //! The views with their pictures, the sheets and the answers.
 
-use std::cmp::Reverse;
-use std::collections::BTreeMap;
-
 use minijinja::{Value, context};
 
 use crate::pictures::palette;
@@ -38,7 +35,7 @@ pub(super) fn disagreements(report: &Report, pictures: &Pictures, answers: &Answ
             of.materials.iter().map(|named| format!("{} in {}", named.material, counted(named.views.len(), "view")));
         let about = answers.segments.iter().filter(|segment| segment.segment == of.part);
         context! {
-            part => label_of(of.part, report, pictures).map_or_else(|| "a part without Gaussians".to_owned(), title),
+            part => label_of(of.part, report).map_or_else(|| format!("{}, as a whole", of.part), title),
             materials => named.collect::<Vec<_>>().join("; "),
             rows => about.map(|segment| context! { view => segment.view, ..row(segment, pictures) }).collect::<Vec<_>>(),
         }
@@ -46,16 +43,12 @@ pub(super) fn disagreements(report: &Report, pictures: &Pictures, answers: &Answ
     report.disagreements.iter().map(one).collect()
 }
 
-/// The label that most views show where they have the part with this `number` on the sheets.
-fn label_of<'a>(number: u16, report: &'a Report, pictures: &Pictures) -> Option<&'a FieldLabel> {
-    let shown = pictures.views.iter().filter_map(|view| view.part_of_segment.get(&number));
-    let mut views_of: BTreeMap<u32, usize> = BTreeMap::new();
-    shown.for_each(|&id| *views_of.entry(id).or_default() += 1);
-    let (id, _) = views_of.into_iter().max_by_key(|&(id, views)| (views, Reverse(id)))?;
-    report.labels.iter().find(|label| label.id == id)
+/// The label of the part with this id; `None` if its pieces have labels of their own, or no Gaussian belongs to it.
+fn label_of(part_id: u16, report: &Report) -> Option<&FieldLabel> {
+    report.labels.iter().find(|label| label.id == u32::from(part_id))
 }
 
-/// A label's number and name, as in the table of parts.
+/// A label's part id and name, as in the table of parts.
 fn title(label: &FieldLabel) -> String {
     format!("{} {}", label.id, part_name(&label.caption, &label.material))
 }
