@@ -39,6 +39,7 @@ fn archive(model: &Model) -> io::Result<Vec<u8>> {
         ("label_yield_strength_pa", |l| l.yield_strength_pa),
         ("label_friction_rubber", |l| l.friction_rubber),
     ];
+    arrays.add("label_id", &[model.field.labels.len() as u64], model.field.labels.iter().map(|l| i64::from(l.id)))?;
     for (name, property) in of_labels {
         arrays.estimates(name, model.field.labels.iter().map(property))?;
     }
