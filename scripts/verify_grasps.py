@@ -14,7 +14,7 @@ by 5 mm at 2 Hz for 1 s, and holds for 2 s. At the first place, it also tries th
 A pad is a disc of rubber, modelled as points that are spread evenly over it, each on a spring (a Winkler foundation), because
 MuJoCo's own contacts of a box press with its corners and resist turning more than twice as hard as an evenly pressed disc. The
 pads touch the model's visual mesh around the contacts, cut into prisms under its triangles; with `--touch colliders`, they touch
-the convex pieces, which may reach beyond the object by more than a pad's width.
+the convex colliders, which may reach beyond the object by more than a pad's width.
 
 An object is "held" if at the end it has slid in the hand by less than 5 mm, "slid" if by less than 2 cm, else "lost". "Turned" is
 by how much the object has turned in the hand since it was gripped. "By shape" is the share of the weight that the pads carry

@@ -1,5 +1,5 @@
 //! Meshes as glTF: `NAME.glb` has a closed mesh for each part, in the splat's colours; `NAME_colliders.glb` has the
-//! convex pieces, below a node for each part. A part's node has its properties as `extras`.
+//! colliders, below a node for each part. A part's node has its properties as `extras`.
 
 use nalgebra::Point3;
 use serde_json::{Value, json};
@@ -34,7 +34,7 @@ pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &m
 
     let mut colliders = Gltf::default();
     let mut nodes = Vec::new();
-    for of_part in shape.pieces.chunk_by(|a, b| a.part == b.part) {
+    for of_part in shape.colliders.chunk_by(|a, b| a.part == b.part) {
         let part = of_part[0].part;
         let [r, g, b] = palette::part(part);
         colliders
@@ -42,14 +42,14 @@ pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &m
             .push(json!({ "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0 } }));
         let material = colliders.materials.len() - 1;
         let mut children = Vec::new();
-        for piece in of_part {
-            let attributes = json!({ "POSITION": colliders.floats(&floats(&piece.vertices), true) });
-            let indices = colliders.triangles(&piece.triangles);
+        for collider in of_part {
+            let attributes = json!({ "POSITION": colliders.floats(&floats(&collider.vertices), true) });
+            let indices = colliders.triangles(&collider.triangles);
             colliders.meshes.push(
                 json!({ "primitives": [{ "attributes": attributes, "indices": indices, "material": material }] }),
             );
             let mesh = colliders.meshes.len() - 1;
-            children.push(colliders.node(json!({ "name": piece.name(), "mesh": mesh })));
+            children.push(colliders.node(json!({ "name": collider.name(), "mesh": mesh })));
         }
         let node = json!({ "name": label(model, part), "children": children, "extras": extras(model, part) });
         nodes.push(colliders.node(node));

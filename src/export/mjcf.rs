@@ -1,4 +1,4 @@
-//! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, a geom for every convex piece,
+//! MuJoCo's XML: one free body with the object's mass, centre of mass and full inertia, a geom for every collider,
 //! and the skin, which collides with nothing; and a scene with this body on a floor. All names begin with that of the
 //! body, so that a scene may include several.
 //!
@@ -26,10 +26,10 @@ fn body(rigid: &Rigid) -> String {
     let (mass, center, i) = rigid.inertial();
     let mut assets = String::new();
     let mut geoms = String::new();
-    for piece in rigid.pieces {
-        let (name, label) = (rigid.piece_name(piece), rigid.label(piece));
+    for collider in rigid.colliders {
+        let (name, label) = (rigid.collider_name(collider), rigid.label(collider));
         let _ = writeln!(assets, r#"    <mesh name="{name}" file="meshes/{name}.obj"/>"#);
-        let color = spaced(palette::part(piece.part).map(f64::from));
+        let color = spaced(palette::part(collider.part).map(f64::from));
         let (friction, time) = (label.friction_rubber.mid, time_constant_s(rigid, label));
         let softness = time.map_or_else(String::new, |time| format!(r#" solref="{time} 1""#));
         let _ = writeln!(

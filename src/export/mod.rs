@@ -1,8 +1,8 @@
 //! The result in the formats of other programs, with one module per format:
 //!
-//! - [`mjcf`], [`urdf`]: a rigid body for simulators, with its [`shape`] as convex pieces and as a picture on a mesh;
+//! - [`mjcf`], [`urdf`]: a rigid body for simulators, with its [`shape`] as convex colliders and as a picture on a mesh;
 //! - [`usd`]: the same with its Gaussians and the places to grasp at;
-//! - [`glb`]: meshes of the parts, or the convex pieces; [`gltf_splat`]: the Gaussians;
+//! - [`glb`]: meshes of the parts, or the convex colliders; [`gltf_splat`]: the Gaussians;
 //! - [`ply_parts`]: the Gaussians of each part;
 //! - [`npz`]: every number as NumPy arrays;
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks.
@@ -35,7 +35,7 @@ use crate::parts::{Interior, Parts, PartsError};
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 use crate::workdir::write_atomic;
-use shape::{PartMesh, Piece, Shape, Skin};
+use shape::{Collider, PartMesh, Shape, Skin};
 
 /// A format to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -53,7 +53,7 @@ pub enum Format {
     Usda,
     /// The same as `usda`, as one package
     Usdz,
-    /// glTF: a mesh for each part with its properties; a second file with the convex pieces
+    /// glTF: a mesh for each part with its properties; a second file with the convex colliders
     Glb,
     /// glTF with the Gaussians (`KHR_gaussian_splatting`)
     GltfSplat,
@@ -198,14 +198,14 @@ impl Shared<'_> {
         }
         let shape = self.shape()?;
         let skin = self.skin.get_or_init(|| shape::skin(self.model, shape));
-        if shape.pieces.is_empty() || skin.mesh.volume() <= 0.0 {
+        if shape.colliders.is_empty() || skin.mesh.volume() <= 0.0 {
             return Err(ExportError::NoShape);
         }
         Ok(Rigid {
             name: body_name(self.model.name),
             parts,
             labels: &self.model.field.labels,
-            pieces: &shape.pieces,
+            colliders: &shape.colliders,
             skin,
             grasps: self.model.grasps,
             source: self.model.source,
@@ -220,7 +220,7 @@ struct Rigid<'a> {
     name: String,
     parts: &'a Parts,
     labels: &'a [FieldLabel],
-    pieces: &'a [Piece],
+    colliders: &'a [Collider],
     skin: &'a Skin,
     grasps: &'a [Candidate],
     source: &'a str,
@@ -239,20 +239,20 @@ impl Rigid<'_> {
         (object.mass_kg.mid, object.center_of_mass_m, object.inertia_kg_m2)
     }
 
-    /// The corners of the box around the pieces, m.
+    /// The corners of the box around the colliders, m.
     fn extent(&self) -> (Point3<f64>, Point3<f64>) {
-        let mut vertices = self.pieces.iter().flat_map(|piece| &piece.vertices);
-        let first = *vertices.next().expect("an object with a mass has pieces");
+        let mut vertices = self.colliders.iter().flat_map(|collider| &collider.vertices);
+        let first = *vertices.next().expect("an object with a mass has colliders");
         vertices.fold((first, first), |(low, high), v| (low.inf(v), high.sup(v)))
     }
 
-    fn label(&self, piece: &Piece) -> &FieldLabel {
-        label_of(self.labels, piece.part)
+    fn label(&self, collider: &Collider) -> &FieldLabel {
+        label_of(self.labels, collider.part)
     }
 
-    /// The name of a piece that no other object has: several may be in one folder or one simulation.
-    fn piece_name(&self, piece: &Piece) -> String {
-        format!("{}_{}", self.name, piece.name())
+    /// The name of a collider that no other object has: several may be in one folder or one simulation.
+    fn collider_name(&self, collider: &Collider) -> String {
+        format!("{}_{}", self.name, collider.name())
     }
 }
 

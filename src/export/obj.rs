@@ -55,11 +55,11 @@ fn write_vertices(text: &mut String, vertices: &[Point3<f64>]) {
     }
 }
 
-/// Writes the convex pieces and the skin into `meshes/`, all under names that begin with the object's.
+/// Writes the convex colliders and the skin into `meshes/`, all under names that begin with the object's.
 pub fn write_meshes(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
-    for piece in rigid.pieces {
-        let mesh = mesh(&piece.vertices, &piece.triangles);
-        files.write(format!("meshes/{}.obj", rigid.piece_name(piece)), |out| out.write_all(mesh.as_bytes()))?;
+    for collider in rigid.colliders {
+        let mesh = mesh(&collider.vertices, &collider.triangles);
+        files.write(format!("meshes/{}.obj", rigid.collider_name(collider)), |out| out.write_all(mesh.as_bytes()))?;
     }
     let [text, materials, picture] = ["obj", "mtl", "png"].map(|ending| format!("{}_skin.{ending}", rigid.name));
     files.write(format!("meshes/{text}"), |out| out.write_all(skin(rigid.skin, &materials).as_bytes()))?;

@@ -1,5 +1,5 @@
 //! URDF: one link on a floating joint to the world. A root link without a joint would be welded to the world and lose
-//! its mass. Meshes are OBJ files in `meshes/`: the skin with its picture, and the convex pieces.
+//! its mass. Meshes are OBJ files in `meshes/`: the skin with its picture, and the convex colliders.
 //!
 //! URDF itself has no friction. It is written in the three ways that readers understand: per collider for Drake, and per
 //! link for PyBullet and for Gazebo, which get the lowest friction of all parts. URDF has no soft contacts either.
@@ -16,8 +16,8 @@ pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError>
 fn text(rigid: &Rigid) -> String {
     let (mass, center, i) = rigid.inertial();
     let mut colliders = String::new();
-    for piece in rigid.pieces {
-        let (name, friction) = (rigid.piece_name(piece), rigid.label(piece).friction_rubber.mid);
+    for collider in rigid.colliders {
+        let (name, friction) = (rigid.collider_name(collider), rigid.label(collider).friction_rubber.mid);
         let _ = write!(
             colliders,
             r#"    <collision name="{name}">
@@ -27,7 +27,7 @@ fn text(rigid: &Rigid) -> String {
 "#,
         );
     }
-    let frictions = rigid.pieces.iter().map(|piece| rigid.label(piece).friction_rubber.mid);
+    let frictions = rigid.colliders.iter().map(|collider| rigid.label(collider).friction_rubber.mid);
     let least = frictions.fold(f64::INFINITY, f64::min);
     format!(
         r#"{note}<robot name="{name}" xmlns:drake="http://drake.mit.edu">

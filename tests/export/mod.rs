@@ -525,7 +525,7 @@ fn a_filling_collides_as_its_shell() {
     let full = export(&model, &[Format::Mjcf, Format::Glb], folder.path()).unwrap();
     assert!(full.len() > 4, "{full:?}");
     for file in full {
-        // The XML and the GLB name the pieces, of which there are as many in both.
+        // The XML and the GLB name the colliders, of which there are as many in both.
         let solid = rigid.folder.join(file.strip_prefix(folder.path()).unwrap());
         assert!(std::fs::read(&file).unwrap() == std::fs::read(solid).unwrap(), "{file:?} differs");
     }

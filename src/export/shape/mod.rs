@@ -3,13 +3,13 @@
 //! 1. [`solid`] gives every cell of the object, enclosed voids included, to a part;
 //! 2. [`surface`] wraps cells in a closed mesh, [`simplify`] reduces its triangles;
 //! 3. [`atlas`] lays the triangles out on a picture, [`bake`] paints it with the splat;
-//! 4. [`pieces`] decomposes each part into convex [`hull`]s, for collisions.
+//! 4. [`colliders`] decomposes each part into convex [`hull`]s, for collisions.
 
 mod atlas;
 mod bake;
 mod clearance;
+mod colliders;
 mod hull;
-mod pieces;
 mod simplify;
 mod solid;
 mod surface;
@@ -22,7 +22,7 @@ use crate::gaussians::Gaussians;
 use crate::parts::Interior;
 use crate::vote::FieldLabel;
 pub use bake::Painter;
-pub use pieces::Piece;
+pub use colliders::Collider;
 use solid::Solid;
 
 /// Triangles of a visual mesh: enough for a household object to look round, and few enough to read.
@@ -127,18 +127,18 @@ pub struct PartMesh {
     pub colors: Vec<[u8; 3]>,
 }
 
-/// The object's cells and their convex pieces.
+/// The object's cells and their colliders.
 pub struct Shape {
     solid: Solid,
     meters_per_unit: f64,
-    pub pieces: Vec<Piece>,
+    pub colliders: Vec<Collider>,
 }
 
 impl Shape {
     pub fn of(interior: &Interior, labels: &[FieldLabel], meters_per_unit: f64) -> Self {
         let solid = Solid::of(interior, labels);
-        let pieces = pieces::pieces(&solid, meters_per_unit);
-        Self { solid, meters_per_unit, pieces }
+        let colliders = colliders::colliders(&solid, meters_per_unit);
+        Self { solid, meters_per_unit, colliders }
     }
 }
 

@@ -5,7 +5,7 @@ use std::fmt::Write;
 use nalgebra::Point3;
 
 use super::text::{extent, list, quoted, rounded, triple, tuple};
-use crate::export::{Piece, Rigid, label_of};
+use crate::export::{Collider, Rigid, label_of};
 
 /// The visual mesh, with a subset and a material for each part.
 pub fn write_skin(text: &mut String, rigid: &Rigid) {
@@ -62,11 +62,11 @@ pub fn write_skin(text: &mut String, rigid: &Rigid) {
 
 pub fn write_colliders(text: &mut String, rigid: &Rigid) {
     text.push_str("    def Scope \"colliders\"\n    {\n");
-    rigid.pieces.iter().for_each(|piece| write_collider(text, &rigid.name, piece));
+    rigid.colliders.iter().for_each(|collider| write_collider(text, &rigid.name, collider));
     text.push_str("    }\n\n");
 }
 
-fn write_collider(text: &mut String, object: &str, piece: &Piece) {
+fn write_collider(text: &mut String, object: &str, collider: &Collider) {
     let _ = write!(
         text,
         r#"        def Mesh "{name}" (
@@ -83,10 +83,10 @@ fn write_collider(text: &mut String, object: &str, piece: &Piece) {
             )
         }}
 "#,
-        name = piece.name(),
-        topology = topology(&piece.vertices, &piece.triangles),
-        normals = list(piece.triangles.iter().map(|t| face_normal(&piece.vertices, *t))),
-        part = piece.part,
+        name = collider.name(),
+        topology = topology(&collider.vertices, &collider.triangles),
+        normals = list(collider.triangles.iter().map(|t| face_normal(&collider.vertices, *t))),
+        part = collider.part,
     );
 }
 

@@ -3,7 +3,7 @@
 //!
 //! One rigid body with mass properties; under it
 //! - `skin`, the visual mesh, with a subset and a material for each part,
-//! - `colliders`, a convex mesh for each piece, bound to its part's physics material,
+//! - `colliders`, a convex mesh for each, bound to its part's physics material,
 //! - `splat`, the Gaussians as `ParticleField3DGaussianSplat`,
 //! - `grasps`, a line from finger to finger for each place to grasp at.
 //!

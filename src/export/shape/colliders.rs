@@ -1,4 +1,4 @@
-//! The object's shape as convex pieces, for collisions: simulators use the convex hull of any mesh, and the hull of a
+//! The object's shape as colliders, which are convex: simulators use the convex hull of any mesh, and the hull of a
 //! mug is solid.
 //!
 //! A hull reaches beyond the object by the distance from the object to the farthest place within the hull (its
@@ -19,7 +19,7 @@ use crate::parts::{Grid, OUTSIDE, blur};
 /// a hull only rounds off the cells' steps.
 const TOLERANCE: f64 = 0.009;
 const LEAST_CELLS: f64 = 2.0;
-/// A part with this many pieces is not cut further: with more, simulators become slow.
+/// A part with this many colliders is not cut further: with more, simulators become slow.
 const PIECES: usize = 32;
 /// Positions at which a plane of each direction is tried.
 const CUTS: usize = 8;
@@ -40,12 +40,12 @@ const FLAT: f64 = 1e-3;
 /// Bodies with a smaller share of their part's cells are crumbs, which are left out.
 const CRUMB: f64 = 5e-4;
 
-/// A convex piece of one part.
+/// A convex collision shape of one part.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Piece {
+pub struct Collider {
     /// Id of the part.
     pub part: u32,
-    /// Its index among the part's pieces.
+    /// Its index among the part's colliders.
     pub index: usize,
     /// World frame, m.
     pub vertices: Vec<Point3<f64>>,
@@ -53,20 +53,20 @@ pub struct Piece {
     pub triangles: Vec<[u32; 3]>,
 }
 
-impl Piece {
+impl Collider {
     pub fn name(&self) -> String {
         format!("part{}_{}", self.part, self.index)
     }
 }
 
-/// The pieces of every part, ordered by part.
-pub fn pieces(solid: &Solid, meters_per_unit: f64) -> Vec<Piece> {
+/// The colliders of every part, ordered by part.
+pub fn colliders(solid: &Solid, meters_per_unit: f64) -> Vec<Collider> {
     let clearance = Clearance::of(solid);
     let blurred = blur(&solid.grid, &solid.mask(None));
     let tolerance = (TOLERANCE * diagonal(solid)).max(LEAST_CELLS * solid.grid.cell);
     let of_part = |part: u32| {
         let hulls = Decomposition::new(solid, part, &clearance, &blurred, tolerance).hulls();
-        hulls.into_iter().enumerate().map(move |(index, hull)| Piece {
+        hulls.into_iter().enumerate().map(move |(index, hull)| Collider {
             part,
             index,
             vertices: hull.vertices.iter().map(|v| v * meters_per_unit).collect(),
@@ -401,7 +401,7 @@ mod tests {
     }
 
     fn hulls(solid: &Solid) -> Vec<Hull> {
-        pieces(solid, 1.0).into_iter().map(|p| Hull { vertices: p.vertices, triangles: p.triangles }).collect()
+        colliders(solid, 1.0).into_iter().map(|c| Hull { vertices: c.vertices, triangles: c.triangles }).collect()
     }
 
     /// A wall of 4 cells around a hole of 56: halves of a ring have hulls as large as the ring's.
@@ -409,7 +409,7 @@ mod tests {
     fn a_ring_stays_open_and_keeps_its_volume() {
         let ring = solid(80, |p| (28.0..32.0).contains(&p.xy().norm()) && p.z.abs() < 6.0);
         let hulls = hulls(&ring);
-        assert!((8..=16).contains(&hulls.len()), "{} pieces", hulls.len());
+        assert!((8..=16).contains(&hulls.len()), "{} colliders", hulls.len());
         // The tolerance of two cells, and half a cell of the steps.
         let open = ring.grid.middle() + Vector3::new(25.5, 0.0, 0.0);
         for turn in 0..36 {
@@ -418,7 +418,7 @@ mod tests {
             let covers = |hull: &Hull| hull.bounds().iter().all(|(n, d)| n.dot(&place.coords) <= *d);
             assert!(!hulls.iter().any(covers), "{place}");
         }
-        // The pieces hardly overlap.
+        // The colliders hardly overlap.
         let volume: f64 = hulls.iter().map(Hull::volume).sum();
         assert!((volume / cells(&ring) - 1.0).abs() < 0.05, "{volume} of {}", cells(&ring));
     }
