@@ -46,7 +46,7 @@ use mass::bodies::Bodies;
 use mass::moments::Moments;
 pub use mass::unknowns::Source;
 use mass::weights::{self, Weight, Weights};
-use mass::{Piece, Weighable};
+use mass::{Body, Weighable};
 pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
 pub use result::{Filling, KnownMass, NoVolume, Object, Part, PartBody, Parts, Width};
 
@@ -138,17 +138,17 @@ pub fn parts(
 
     let mut shapes = shapes(field, &composed, &cells, &constructions, &thickness);
     let interior = &composed.interior;
-    let bodies = Bodies::of(interior, constructions.len());
-    let mut pieces = pieces(&composed, &bodies, &shapes, gaussians, &field.part_label);
+    let connected = Bodies::of(interior, constructions.len());
+    let mut bodies = bodies(&composed, &connected, &shapes, gaussians, &field.part_label);
     let scaled = match (scale, meters_per_unit) {
         (Some(scale), _) => weights::Scale { meters_per_unit: scale.meters_per_unit, range: scale.range },
         (None, of_mass) => weights::Scale::to_be_found(of_mass.unwrap_or(1.0)),
     };
-    let mut weights = Weights::new(&weighables(&shapes, field, &constructions, &composed, &pieces), scaled);
+    let mut weights = Weights::new(&weighables(&shapes, field, &constructions, &composed, &bodies), scaled);
     let known_mass = meters_per_unit.and(options.known_mass).map(|kg| known_mass(&mut weights, kg, options));
-    let whole = weights.whole(&weighables(&shapes, field, &constructions, &composed, &pieces));
+    let whole = weights.whole(&weighables(&shapes, field, &constructions, &composed, &bodies));
     let whole = whole.ok_or_else(|| no_volume(field, &shapes))?;
-    set_distances(&mut shapes, &mut pieces, &bodies, &cells, whole.center);
+    set_distances(&mut shapes, &mut bodies, &connected, &cells, whole.center);
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
     let lacks_walls = meters_per_unit.is_none() && is_solid.contains(&false);
     let mut warnings = warnings(field, floaters, &shapes, lacks_walls);
@@ -157,7 +157,7 @@ pub fn parts(
     warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
     let notes = notes(field, floaters, &shapes, &constructions, &composed, options.min_part_share);
     let parts = meters_per_unit.map(|_| {
-        let weighables = weighables(&shapes, field, &constructions, &composed, &pieces);
+        let weighables = weighables(&shapes, field, &constructions, &composed, &bodies);
         let of = |weight: &Weight| &weighables[weight.of];
         let (fillings, solids): (Vec<&Weight>, Vec<&Weight>) = weights.all.iter().partition(|weight| weight.is_filling);
         Parts {
@@ -179,14 +179,14 @@ fn weighables<'a>(
     field: &'a MaterialField,
     constructions: &[Construction],
     composed: &'a Composed,
-    pieces: &'a [Vec<Piece>],
+    bodies: &'a [Vec<Body>],
 ) -> Vec<Weighable<'a>> {
     let used = (0..shapes.len()).filter(|&l| shapes[l].gaussians > 0);
     used.map(|l| Weighable {
         shape: &shapes[l],
         label: &field.labels[l],
         volume: &composed.volumes[l],
-        pieces: &pieces[l],
+        bodies: &bodies[l],
         is_wall: constructions[l] != Construction::Solid,
         sleeve: only((0..shapes.len()).filter(|shell| composed.cores[*shell] == Some(l as u32)))
             .map(|shell| field.labels[shell].id),
@@ -208,37 +208,37 @@ fn known_mass(weights: &mut Weights, reading_kg: f64, options: &Options) -> Know
 }
 
 /// Per label, its bodies, which together have its volume.
-fn pieces(
+fn bodies(
     Composed { interior, crowded_out, .. }: &Composed,
-    bodies: &Bodies,
+    connected: &Bodies,
     shapes: &[Shape],
     gaussians: &Gaussians,
     part_label: &[u32],
-) -> Vec<Vec<Piece>> {
-    let shares = interior.filled().map(|(i, _, share)| (i, bodies.of_cell[i] as usize, share));
-    let moments = Moments::of(&interior.grid, shares, bodies.label.len());
-    let counts = bodies.gaussians(gaussians, part_label, &interior.grid);
+) -> Vec<Vec<Body>> {
+    let shares = interior.filled().map(|(i, _, share)| (i, connected.of_cell[i] as usize, share));
+    let moments = Moments::of(&interior.grid, shares, connected.label.len());
+    let counts = connected.gaussians(gaussians, part_label, &interior.grid);
     let mut filled = vec![0.0; shapes.len()];
-    for (label, moments) in bodies.label.iter().zip(&moments) {
+    for (label, moments) in connected.label.iter().zip(&moments) {
         filled[*label as usize] += moments.map_or(0.0, |m| m.volume);
     }
-    let mut pieces: Vec<Vec<Piece>> = shapes.iter().map(|_| Vec::new()).collect();
-    for ((label, moments), gaussians) in bodies.label.iter().zip(moments).zip(counts) {
+    let mut bodies: Vec<Vec<Body>> = shapes.iter().map(|_| Vec::new()).collect();
+    for ((label, moments), gaussians) in connected.label.iter().zip(moments).zip(counts) {
         let label = *label as usize;
         if let Some(moments) = moments {
             let whole = shapes[label].volume.map_or(0.0, |volume| volume.mid);
             let volume = whole * moments.volume / filled[label];
             let moments = moments.with_volume(volume);
-            pieces[label].push(Piece { moments, gaussians, surface_to_center_of_mass: None });
+            bodies[label].push(Body { moments, gaussians, surface_to_center_of_mass: None });
         }
     }
     for (label, moments) in crowded_out.iter().enumerate() {
         if let (Some(moments), Some(volume)) = (moments, shapes[label].volume) {
             let (moments, gaussians) = (moments.with_volume(volume.mid), shapes[label].gaussians);
-            pieces[label].push(Piece { moments, gaussians, surface_to_center_of_mass: None });
+            bodies[label].push(Body { moments, gaussians, surface_to_center_of_mass: None });
         }
     }
-    pieces
+    bodies
 }
 
 fn check(gaussians: &Gaussians, field: &MaterialField) -> Result<(), PartsError> {
@@ -312,20 +312,20 @@ fn shapes(
 /// Sets the distance from each part's and each body's surface to the object's centre of mass.
 fn set_distances(
     shapes: &mut [Shape],
-    pieces: &mut [Vec<Piece>],
-    bodies: &Bodies,
+    bodies: &mut [Vec<Body>],
+    connected: &Bodies,
     cells: &assign::Labelled,
     center: Point3<f64>,
 ) {
-    let places = bodies.places(shapes.len());
+    let places = connected.places(shapes.len());
     let lower = |known: &mut Option<f64>, distance: f64| *known = Some(known.map_or(distance, |d| d.min(distance)));
     for s in (0..cells.surface.cells.len()).filter(|&s| cells.seen[s]) {
         let (cell, distance) = (cells.surface.cells[s] as usize, (cells.surface.points[s] - center).norm());
         lower(&mut shapes[cells.label[cell] as usize].surface_to_center_of_mass, distance);
         // A cell of a sleeve may be filled by the solid inside it, whose surface this is not.
-        let body = places.get(bodies.of_cell[cell] as usize);
+        let body = places.get(connected.of_cell[cell] as usize);
         if let Some((label, place)) = body.filter(|(label, _)| *label == cells.label[cell] as usize) {
-            lower(&mut pieces[*label][*place].surface_to_center_of_mass, distance);
+            lower(&mut bodies[*label][*place].surface_to_center_of_mass, distance);
         }
     }
 }

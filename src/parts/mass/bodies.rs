@@ -1,6 +1,6 @@
 //! The connected bodies of each part: four legs of a chair, two handles of a pot.
 //!
-//! A part may have small fragments where its wall is thin or its seam is ragged: pieces with less than [`BODY_SHARE`]
+//! A part may have small fragments where its wall is thin or its seam is ragged: fragments with less than [`BODY_SHARE`]
 //! of the part are assigned to the part's largest body.
 
 use rayon::prelude::*;
@@ -26,28 +26,28 @@ pub struct Bodies {
 impl Bodies {
     /// The bodies of the material in `interior`.
     pub fn of(interior: &Interior, label_count: usize) -> Self {
-        let (pieces, of_cell) = pieces(interior);
+        let (fragments, of_cell) = fragments(interior);
         let mut whole = vec![0.0; label_count];
         let mut largest: Vec<Option<usize>> = vec![None; label_count];
-        for (n, piece) in pieces.iter().enumerate() {
-            let label = piece.label as usize;
-            whole[label] += piece.material;
-            if largest[label].is_none_or(|other| piece.material > pieces[other].material) {
+        for (n, fragment) in fragments.iter().enumerate() {
+            let label = fragment.label as usize;
+            whole[label] += fragment.material;
+            if largest[label].is_none_or(|other| fragment.material > fragments[other].material) {
                 largest[label] = Some(n);
             }
         }
         let is_body = |n: usize| {
-            let label = pieces[n].label as usize;
-            largest[label] == Some(n) || pieces[n].material >= BODY_SHARE * whole[label]
+            let label = fragments[n].label as usize;
+            largest[label] == Some(n) || fragments[n].material >= BODY_SHARE * whole[label]
         };
-        let mut order: Vec<usize> = (0..pieces.len()).filter(|&n| is_body(n)).collect();
-        order.sort_by_key(|&n| (pieces[n].label, n));
-        let body_of_piece: Vec<u32> = (0..pieces.len())
-            .map(|n| if is_body(n) { n } else { largest[pieces[n].label as usize].unwrap_or(n) })
+        let mut order: Vec<usize> = (0..fragments.len()).filter(|&n| is_body(n)).collect();
+        order.sort_by_key(|&n| (fragments[n].label, n));
+        let body_of_fragment: Vec<u32> = (0..fragments.len())
+            .map(|n| if is_body(n) { n } else { largest[fragments[n].label as usize].unwrap_or(n) })
             .map(|n| order.iter().position(|&other| other == n).map_or(NONE, |body| body as u32))
             .collect();
-        let of_cell = of_cell.into_iter().map(|n| if n == NONE { NONE } else { body_of_piece[n as usize] });
-        Self { of_cell: of_cell.collect(), label: order.iter().map(|&n| pieces[n].label).collect() }
+        let of_cell = of_cell.into_iter().map(|n| if n == NONE { NONE } else { body_of_fragment[n as usize] });
+        Self { of_cell: of_cell.collect(), label: order.iter().map(|&n| fragments[n].label).collect() }
     }
 
     /// For each body: its label, and its position among the bodies of that label.
@@ -79,28 +79,28 @@ impl Bodies {
     }
 }
 
-/// A connected piece of one label.
-struct Piece {
+/// A connected fragment of one label.
+struct Fragment {
     label: u32,
     /// Volume of its material, in cells.
     material: f64,
 }
 
-/// The pieces in the order of their first cells, and the piece of every cell.
-fn pieces(interior: &Interior) -> (Vec<Piece>, Vec<u32>) {
+/// The fragments in the order of their first cells, and the fragment of every cell.
+fn fragments(interior: &Interior) -> (Vec<Fragment>, Vec<u32>) {
     let grid = &interior.grid;
     let mut of_cell = vec![NONE; grid.len()];
-    let mut pieces = Vec::new();
+    let mut fragments = Vec::new();
     for (seed, label, _) in interior.filled() {
         if of_cell[seed] != NONE {
             continue;
         }
-        let number = pieces.len() as u32;
-        let mut piece = Piece { label, material: 0.0 };
+        let number = fragments.len() as u32;
+        let mut fragment = Fragment { label, material: 0.0 };
         let mut open = vec![seed];
         of_cell[seed] = number;
         while let Some(cell) = open.pop() {
-            piece.material += f64::from(interior.fraction[cell]);
+            fragment.material += f64::from(interior.fraction[cell]);
             for next in around(grid, cell, 1) {
                 if of_cell[next] == NONE && interior.part[next] == label {
                     of_cell[next] = number;
@@ -108,9 +108,9 @@ fn pieces(interior: &Interior) -> (Vec<Piece>, Vec<u32>) {
                 }
             }
         }
-        pieces.push(piece);
+        fragments.push(fragment);
     }
-    (pieces, of_cell)
+    (fragments, of_cell)
 }
 
 /// The cells at most `reach` away along every axis, itself included.

@@ -5,7 +5,7 @@
 //! splat shows it recurs in all parts; each part has unknowns of its own for its wall and its unseen depth, each
 //! material one for its density.
 //!
-//! [`bodies`] finds the connected pieces of a part, [`moments`] their volume, centre of mass and inertia, [`weights`] the
+//! [`bodies`] finds the connected bodies of a part, [`moments`] their volume, centre of mass and inertia, [`weights`] the
 //! masses.
 
 pub mod bodies;
@@ -25,7 +25,7 @@ use moments::Moments;
 use weights::{Weight, Weights};
 
 /// A connected body of a part.
-pub(super) struct Piece {
+pub(super) struct Body {
     pub moments: Moments,
     pub gaussians: usize,
     pub surface_to_center_of_mass: Option<f64>,
@@ -36,7 +36,7 @@ pub(super) struct Weighable<'a> {
     pub shape: &'a Shape,
     pub label: &'a FieldLabel,
     pub volume: &'a Volume,
-    pub pieces: &'a [Piece],
+    pub bodies: &'a [Body],
     /// Whether its volume is that of a wall, whatever the answer's form: `--volume` may say otherwise.
     pub is_wall: bool,
     /// The id of the one shell that it fills, whose wall then takes from its volume.
@@ -54,33 +54,33 @@ impl Weighable<'_> {
     }
 
     /// One part with all bodies, or one part per body.
-    pub fn parts(&self, weights: &Weights, weight: &Weight, bodies: BodiesAs) -> Vec<Part> {
-        let count = self.pieces.len();
-        let Some(whole) = self.shape.volume.filter(|_| bodies == BodiesAs::Parts && count >= 2) else {
-            return vec![self.part(self.pieces, 1.0, weights, weight)];
+    pub fn parts(&self, weights: &Weights, weight: &Weight, bodies_as: BodiesAs) -> Vec<Part> {
+        let count = self.bodies.len();
+        let Some(whole) = self.shape.volume.filter(|_| bodies_as == BodiesAs::Parts && count >= 2) else {
+            return vec![self.part(self.bodies, 1.0, weights, weight)];
         };
-        let part = |(k, piece): (usize, &Piece)| Part {
+        let part = |(k, body): (usize, &Body)| Part {
             caption: format!("{} ({} of {count})", self.label.caption, k + 1),
-            gaussians: piece.gaussians,
-            surface_to_center_of_mass_m: piece.surface_to_center_of_mass.map(|d| d * weights.length()),
-            ..self.part(std::slice::from_ref(piece), piece.moments.volume / whole.mid, weights, weight)
+            gaussians: body.gaussians,
+            surface_to_center_of_mass_m: body.surface_to_center_of_mass.map(|d| d * weights.length()),
+            ..self.part(std::slice::from_ref(body), body.moments.volume / whole.mid, weights, weight)
         };
-        self.pieces.iter().enumerate().map(part).collect()
+        self.bodies.iter().enumerate().map(part).collect()
     }
 
     /// The part that consists of these bodies, which have this share of the whole part's volume.
-    fn part(&self, pieces: &[Piece], share: f64, weights: &Weights, weight: &Weight) -> Part {
+    fn part(&self, bodies: &[Body], share: f64, weights: &Weights, weight: &Weight) -> Part {
         let (scale, length) = (weights.scale, weights.length());
         let is_there = self.shape.volume.is_some();
         let (volume, density) = (weights.of(&weight.volume), weights.of(&weight.density));
         // The weighing may have changed the volume; the shape is the same.
         let grown = if weight.volume.mid > 0.0 { volume.mid / weight.volume.mid } else { 1.0 };
         // The sum over bodies of unit density, so mass is volume.
-        let moments = Moments::combined(&pieces.iter().map(|p| (1.0, p.moments)).collect::<Vec<_>>());
-        let body = |piece: &Piece| PartBody {
-            volume_m3: piece.moments.volume * scale.powi(3) * grown,
-            mass_kg: piece.moments.volume * scale.powi(3) * grown * density.mid,
-            center_of_mass_m: (piece.moments.center * length).into(),
+        let moments = Moments::combined(&bodies.iter().map(|body| (1.0, body.moments)).collect::<Vec<_>>());
+        let as_written = |body: &Body| PartBody {
+            volume_m3: body.moments.volume * scale.powi(3) * grown,
+            mass_kg: body.moments.volume * scale.powi(3) * grown * density.mid,
+            center_of_mass_m: (body.moments.center * length).into(),
         };
         let width = |(source, mass): (_, Estimate)| Width::new(source, mass.scaled(share));
         Part {
@@ -101,7 +101,7 @@ impl Weighable<'_> {
             width: if is_there { weights.by_source(&weight.mass).into_iter().map(width).collect() } else { Vec::new() },
             center_of_mass_m: moments.map(|m| (m.center * length).into()),
             inertia_kg_m2: moments.map(|m| rows(m.inertia() * (grown * density.mid * scale.powi(3) * length.powi(2)))),
-            bodies: pieces.iter().map(body).collect(),
+            bodies: bodies.iter().map(as_written).collect(),
             surface_to_center_of_mass_m: self.shape.surface_to_center_of_mass.map(|d| d * length),
         }
     }

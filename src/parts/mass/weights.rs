@@ -107,18 +107,18 @@ impl Weights {
 
     /// The moments of everything together, weighted by mass in kg; `None` if nothing has mass. World frame, scene units.
     pub fn whole(&self, weighables: &[Weighable]) -> Option<Moments> {
-        let mut pieces = Vec::new();
+        let mut all = Vec::new();
         for weight in &self.all {
             let weighable = &weighables[weight.of];
             let mass = self.of(&weight.mass).mid;
             let moments: Vec<Moments> = match weighable.hollow.filter(|_| weight.is_filling) {
                 Some(hollow) => vec![hollow.moments],
-                None => weighable.pieces.iter().map(|piece| piece.moments).collect(),
+                None => weighable.bodies.iter().map(|body| body.moments).collect(),
             };
             let volume: f64 = moments.iter().map(|moments| moments.volume).sum();
-            pieces.extend(moments.into_iter().map(|moments| (mass / volume, moments)));
+            all.extend(moments.into_iter().map(|moments| (mass / volume, moments)));
         }
-        Moments::combined(&pieces)
+        Moments::combined(&all)
     }
 
     pub fn of(&self, quantity: &Quantity) -> Estimate {
