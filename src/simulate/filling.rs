@@ -1,4 +1,4 @@
-//! From Gaussians and the filled interior to bodies with a volume.
+//! From Gaussians and the filled interior to parcels of matter with a volume.
 //!
 //! Space is divided into cubes of half a grid cell, because MPM wants eight particles per cell. The interior's volume
 //! in a cube is divided equally among the Gaussians of the same part in it; if there are none, it goes to one new
@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::error::SimulateError;
 
-/// A piece of the object's inside: a cell from the parts stage, or from any other model of the inside.
+/// A place in the object's inside: a cell from the parts stage, or from any other model of the inside.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FillPoint {
     /// World frame, scene units.
@@ -20,21 +20,21 @@ pub struct FillPoint {
     pub volume: f64,
 }
 
-/// A body that becomes a particle.
+/// A parcel of matter, which becomes a particle.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Body {
+pub struct Parcel {
     /// World frame, m.
     pub position_m: [f64; 3],
     pub label: u32,
     pub volume_m3: f64,
-    /// True if the part's inside reaches it or is unknown; other bodies are strays of the cloud.
+    /// True if the part's inside reaches it or is unknown; other parcels are strays of the cloud.
     pub backed: bool,
 }
 
-/// The bodies: one per Gaussian, in the Gaussians' order, then those of the interior.
+/// The parcels: one per Gaussian, in the Gaussians' order, then those of the interior.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Filled {
-    pub bodies: Vec<Body>,
+    pub parcels: Vec<Parcel>,
     /// Labels of parts whose inside is unknown: each cube that holds one of their Gaussians counts as full.
     pub assumed_full: Vec<u32>,
 }
@@ -90,37 +90,37 @@ pub fn fill(
     }
     assumed_full.sort_unstable();
     assumed_full.dedup();
-    let mut bodies: Vec<Body> = labels
+    let mut parcels: Vec<Parcel> = labels
         .iter()
         .zip(positions_m)
-        .map(|(&label, &position_m)| Body { position_m, label, volume_m3: 0.0, backed: false })
+        .map(|(&label, &position_m)| Parcel { position_m, label, volume_m3: 0.0, backed: false })
         .collect();
     for ((label, _), cube) in &cubes {
         let share = cube.volume_m3 / cube.gaussians.len().max(1) as f64;
         for &i in &cube.gaussians {
-            (bodies[i as usize].volume_m3, bodies[i as usize].backed) = (share, share > 0.0);
+            (parcels[i as usize].volume_m3, parcels[i as usize].backed) = (share, share > 0.0);
         }
         if cube.gaussians.is_empty() {
             let position_m = cube.moment.map(|m| m / cube.volume_m3);
-            bodies.push(Body { position_m, label: *label, volume_m3: cube.volume_m3, backed: true });
+            parcels.push(Parcel { position_m, label: *label, volume_m3: cube.volume_m3, backed: true });
         }
     }
-    give_strays_a_volume(&mut bodies, &known);
-    Ok(Filled { bodies, assumed_full })
+    give_strays_a_volume(&mut parcels, &known);
+    Ok(Filled { parcels, assumed_full })
 }
 
-/// Gaussians without a volume, because their part's inside does not reach them, get the mean of their part's bodies;
+/// Gaussians without a volume, because their part's inside does not reach them, get the mean of their part's parcels;
 /// then the part is scaled back to its volume.
-fn give_strays_a_volume(bodies: &mut [Body], known: &BTreeMap<u32, f64>) {
+fn give_strays_a_volume(parcels: &mut [Parcel], known: &BTreeMap<u32, f64>) {
     let mut with_volume = BTreeMap::<u32, f64>::new();
     let mut strays = BTreeMap::<u32, f64>::new();
-    for body in bodies.iter() {
-        let counts = if body.volume_m3 > 0.0 { &mut with_volume } else { &mut strays };
-        *counts.entry(body.label).or_default() += 1.0;
+    for parcel in parcels.iter() {
+        let counts = if parcel.volume_m3 > 0.0 { &mut with_volume } else { &mut strays };
+        *counts.entry(parcel.label).or_default() += 1.0;
     }
-    for body in bodies {
-        let (Some(count), Some(strays)) = (with_volume.get(&body.label), strays.get(&body.label)) else { continue };
-        let volume = if body.volume_m3 > 0.0 { body.volume_m3 } else { known[&body.label] / count };
-        body.volume_m3 = volume * count / (count + strays);
+    for parcel in parcels {
+        let (Some(count), Some(strays)) = (with_volume.get(&parcel.label), strays.get(&parcel.label)) else { continue };
+        let volume = if parcel.volume_m3 > 0.0 { parcel.volume_m3 } else { known[&parcel.label] / count };
+        parcel.volume_m3 = volume * count / (count + strays);
     }
 }

@@ -8,7 +8,7 @@ use nalgebra::Point3;
 use super::Input;
 use super::action::Action;
 use super::error::SimulateError;
-use super::filling::{self, Body, Filled};
+use super::filling::{self, Filled, Parcel};
 use super::frames::ToWorld;
 use super::material::{self, Material, Materials, Prepared, SOFT_PA, Softened};
 use super::object::Bodies;
@@ -82,18 +82,18 @@ pub struct Setup {
     pub report: SimulationReport,
 }
 
-/// The inputs that decide how stiff the simulated parts are, and how long the simulation takes.
-struct Plan<'a> {
+/// The conditions that decide how stiff the simulated parts are, and how long the simulation takes.
+struct Conditions<'a> {
     input: &'a Input<'a>,
     options: &'a Options,
-    bodies: &'a [Body],
+    parcels: &'a [Parcel],
     load: Load,
     spacing_m: f64,
     duration_s: f64,
 }
 
 /// Which parts are rigid, and how the others deform.
-struct Planned {
+struct Settled {
     choice: Choice,
     materials: Materials,
     bound: StepBound,
@@ -103,39 +103,39 @@ struct Planned {
     minutes_per_substep: f64,
 }
 
-impl Plan<'_> {
+impl Conditions<'_> {
     /// The parts with their true stiffness, unless the user limits it, or it takes too long and the step is not fixed.
-    fn made(&self) -> Result<Planned, SimulateError> {
+    fn settle(&self) -> Result<Settled, SimulateError> {
         let most_pa = self.options.max_stiffness;
-        let planned = self.with(most_pa.unwrap_or(f64::INFINITY), choice::INVISIBLE)?;
-        if most_pa.is_some() || self.options.fixed_step.is_some() || planned.minutes <= LONGEST_MINUTES {
-            return Ok(planned);
+        let settled = self.with(most_pa.unwrap_or(f64::INFINITY), choice::INVISIBLE)?;
+        if most_pa.is_some() || self.options.fixed_step.is_some() || settled.minutes <= LONGEST_MINUTES {
+            return Ok(settled);
         }
-        let planned = self.with(f64::INFINITY, choice::HARDLY_VISIBLE)?;
-        if planned.minutes <= LONGEST_MINUTES {
-            return Ok(planned);
+        let settled = self.with(f64::INFINITY, choice::HARDLY_VISIBLE)?;
+        if settled.minutes <= LONGEST_MINUTES {
+            return Ok(settled);
         }
         self.with(SOFT_PA, choice::HARDLY_VISIBLE)
     }
 
     /// The parts that deform, softened to `most_pa`; parts that strain by less than `visible` are rigid.
-    fn with(&self, most_pa: f64, visible: f64) -> Result<Planned, SimulateError> {
-        let Self { input, options, bodies, load, spacing_m, duration_s } = *self;
-        let choice = choice::choose(&options.rigid, &load, input.materials, (bodies, spacing_m), visible)?;
-        let used = in_use(bodies);
+    fn with(&self, most_pa: f64, visible: f64) -> Result<Settled, SimulateError> {
+        let Self { input, options, parcels, load, spacing_m, duration_s } = *self;
+        let choice = choice::choose(&options.rigid, &load, input.materials, (parcels, spacing_m), visible)?;
+        let used = in_use(parcels);
         let deforms = |label: usize| choice.body_of[label].is_none() && used.contains(&label);
         let materials = Materials::prepare(input.materials, deforms, (options.soften, most_pa));
-        let fastest = with_fastest_waves(bodies, &choice, &materials.prepared);
+        let fastest = with_fastest_waves(parcels, &choice, &materials.prepared);
         let wave_speed_m_s = match fastest {
             Some(label) => materials.prepared[label].wave_speed_m_s(),
             None => (2.0 * options.gravity.abs() * load.longest_m).sqrt(),
         };
         let bound = StepBound { cfl: options.cfl, spacing_m, wave_speed_m_s, fixed_s: options.fixed_step };
         let substeps = duration_s / options.fixed_step.unwrap_or_else(|| bound.longest_s(load.impact_m_s));
-        let particles = if fastest.is_some() { bodies.len() } else { RIGID_PARTICLES };
+        let particles = if fastest.is_some() { parcels.len() } else { RIGID_PARTICLES };
         let minutes_per_substep = particles as f64 / PARTICLE_SUBSTEPS_PER_S / 60.0;
         let minutes = substeps * minutes_per_substep;
-        Ok(Planned { choice, materials, bound, fastest, minutes, minutes_per_substep })
+        Ok(Settled { choice, materials, bound, fastest, minutes, minutes_per_substep })
     }
 }
 
@@ -177,22 +177,25 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
     let steps: Vec<Step> = script.into_iter().flat_map(|script| script.steps).chain(anchors).collect();
     let load = Load::new(pose[0] * longest_m, options.gravity, longest_m, &steps);
     let duration_s = options.duration.unwrap_or_else(|| FALLS * (longest_m / GRAVITY_M_S2).sqrt());
-    let plan = Plan { input, options, bodies: &filled.bodies, load, spacing_m, duration_s };
-    let Planned { choice, materials, bound, fastest, minutes, minutes_per_substep } = plan.made()?;
+    let conditions = Conditions { input, options, parcels: &filled.parcels, load, spacing_m, duration_s };
+    let Settled { choice, materials, bound, fastest, minutes, minutes_per_substep } = conditions.settle()?;
     if minutes > options.max_simulation_minutes {
         return Err(SimulateError::TooLong { minutes, max_minutes: options.max_simulation_minutes });
     }
 
     // Where it may touch the ground: inside its bounds, because strays beyond them would carry the whole object.
     let within = |p: [f64; 3]| (0..3).all(|a| object.min[a] <= p[a] && p[a] <= object.max[a]);
-    let is_solid: Vec<bool> = filled.bodies.iter().map(|body| body.backed && within(body.position_m)).collect();
-    let solid = filled.bodies.iter().zip(&is_solid).filter(|(_, is_solid)| **is_solid);
-    let solid_m: Vec<[f64; 3]> = solid.map(|(body, _)| body.position_m).collect();
+    let is_solid: Vec<bool> = filled.parcels.iter().map(|parcel| parcel.backed && within(parcel.position_m)).collect();
+    let solid = filled.parcels.iter().zip(&is_solid).filter(|(_, is_solid)| **is_solid);
+    let solid_m: Vec<[f64; 3]> = solid.map(|(parcel, _)| parcel.position_m).collect();
     let drop = Drop::new(&object, &solid_m, spacing_m, pose);
     let mut laws = vec![];
     let prepared = &materials.prepared;
-    let start: Vec<Particle> =
-        filled.bodies.iter().map(|body| particle(body, &prepared[body.label as usize], &drop, &mut laws)).collect();
+    let start: Vec<Particle> = filled
+        .parcels
+        .iter()
+        .map(|parcel| particle(parcel, &prepared[parcel.label as usize], &drop, &mut laws))
+        .collect();
     let setting = Setting {
         spacing_m: spacing_m as f32,
         gravity_m_s2: [0.0, 0.0, -options.gravity as f32],
@@ -200,7 +203,7 @@ pub fn set_up(input: &Input, options: &Options) -> Result<Setup, SimulateError> 
         domain_m: [[0.0; 3], [drop.domain_m as f32; 3]],
         laws,
     };
-    let labels: Vec<u32> = filled.bodies.iter().map(|b| b.label).collect();
+    let labels: Vec<u32> = filled.parcels.iter().map(|p| p.label).collect();
     let strays = input.gaussians.len() - carried.len();
     let names = names_of_parts(input.materials);
     let standing = Standing {
@@ -305,17 +308,17 @@ pub fn script_of(options: &Options) -> Result<Option<Script>, SimulateError> {
 }
 
 /// The label that deforms with the fastest waves.
-fn with_fastest_waves(bodies: &[Body], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
+fn with_fastest_waves(parcels: &[Parcel], choice: &Choice, prepared: &[Prepared]) -> Option<usize> {
     let speed = |label: usize| prepared[label].wave_speed_m_s();
-    in_use(bodies)
+    in_use(parcels)
         .into_iter()
         .filter(|&label| choice.body_of[label].is_none())
         .max_by(|&a, &b| speed(a).total_cmp(&speed(b)))
 }
 
 /// The labels with volume.
-fn in_use(bodies: &[Body]) -> BTreeSet<usize> {
-    bodies.iter().filter(|body| body.volume_m3 > 0.0).map(|body| body.label as usize).collect()
+fn in_use(parcels: &[Parcel]) -> BTreeSet<usize> {
+    parcels.iter().filter(|parcel| parcel.volume_m3 > 0.0).map(|parcel| parcel.label as usize).collect()
 }
 
 fn check(input: &Input) -> Result<(), SimulateError> {
@@ -346,7 +349,7 @@ fn check(input: &Input) -> Result<(), SimulateError> {
 }
 
 /// A resting particle in the scenario's initial pose.
-fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) -> Particle {
+fn particle(parcel: &Parcel, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) -> Particle {
     let law = laws.iter().position(|l| *l == material.law).unwrap_or_else(|| {
         laws.push(material.law);
         laws.len() - 1
@@ -354,14 +357,14 @@ fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) 
     let turn = drop.rotation.matrix().transpose();
     let turn: [f32; 9] = std::array::from_fn(|i| turn[i] as f32);
     Particle {
-        position_m: drop.placed(body.position_m).map(|x| x as f32).into(),
+        position_m: drop.placed(parcel.position_m).map(|x| x as f32).into(),
         compensation_m: [0.0; 3],
         velocity_m_s: [0.0; 3],
         affine: [0.0; 9],
         elastic: turn,
         deformation: turn,
-        mass_kg: (body.volume_m3 * material.density_kg_m3) as f32,
-        volume_m3: body.volume_m3 as f32,
+        mass_kg: (parcel.volume_m3 * material.density_kg_m3) as f32,
+        volume_m3: parcel.volume_m3 as f32,
         mu: material.mu_pa as f32,
         lambda: material.lambda_pa as f32,
         state: material.state as f32,
@@ -369,18 +372,18 @@ fn particle(body: &Body, material: &Prepared, drop: &Drop, laws: &mut Vec<Law>) 
     }
 }
 
-/// The particles of every label in use; the first `carried` bodies are Gaussians.
+/// The particles of every label in use; the first `carried` parcels are Gaussians.
 fn filled_report(input: &Input, filled: &Filled, carried: usize) -> Vec<FilledReport> {
-    let used: BTreeSet<u32> = filled.bodies.iter().map(|b| b.label).collect();
+    let used: BTreeSet<u32> = filled.parcels.iter().map(|p| p.label).collect();
     let of = |label: u32| {
         let material = &input.materials[label as usize];
-        let count = |bodies: &[Body]| bodies.iter().filter(|b| b.label == label).count();
+        let count = |parcels: &[Parcel]| parcels.iter().filter(|p| p.label == label).count();
         FilledReport {
             part: material.caption.clone(),
             material: material.name.clone(),
-            gaussians: count(&filled.bodies[..carried]),
-            fill_particles: count(&filled.bodies[carried..]),
-            volume_m3: filled.bodies.iter().filter(|b| b.label == label).map(|b| b.volume_m3).sum(),
+            gaussians: count(&filled.parcels[..carried]),
+            fill_particles: count(&filled.parcels[carried..]),
+            volume_m3: filled.parcels.iter().filter(|p| p.label == label).map(|p| p.volume_m3).sum(),
             skin: filled.assumed_full.contains(&label),
         }
     };

@@ -7,7 +7,7 @@ use gprop::materials::Law;
 use gprop::render::sh_color;
 use gprop::simulate::animation::{Film, Shooting, Viewpoint};
 use gprop::simulate::checkpoint::{Checkpoint, Snapshot};
-use gprop::simulate::filling::{Body, FillPoint, fill};
+use gprop::simulate::filling::{FillPoint, Parcel, fill};
 use gprop::simulate::material::{Material, Soften};
 use gprop::simulate::rigid::choice::{HARDLY_VISIBLE, INVISIBLE, Load, Reason, choose};
 use gprop::simulate::{Frame, Ground, Input, Options, SimulateError, SimulationReport, simulate, simulated};
@@ -254,11 +254,11 @@ fn the_user_chooses_what_is_rigid() {
     assert_eq!(names(rigid(&["head", "oak"]).unwrap()), ["handle", "head"]);
     let mut pot = bar.materials.clone();
     (pot[0].caption, pot[1].caption) = ("lid".to_owned(), "lid knob".to_owned());
-    let body = |label: u32| Body { position_m: [f64::from(label), 0.0, 0.0], label, volume_m3: 1e-3, backed: true };
-    let bodies = [0, 1].map(body);
+    let parcel = |label: u32| Parcel { position_m: [f64::from(label), 0.0, 0.0], label, volume_m3: 1e-3, backed: true };
+    let parcels = [0, 1].map(parcel);
     let chosen = |word: &str| {
         let load = Load::new(0.0, 9.8, 0.4, &[]);
-        let reasons = choose(&[word.to_owned()], &load, &pot, (&bodies, 0.025), INVISIBLE).unwrap().reasons;
+        let reasons = choose(&[word.to_owned()], &load, &pot, (&parcels, 0.025), INVISIBLE).unwrap().reasons;
         reasons.iter().map(Option::is_some).collect::<Vec<_>>()
     };
     // The exact name of a part means no other part.
@@ -315,7 +315,7 @@ fn what_is_too_stiff_to_simulate_in_time_is_rigid() {
     let bodies = fill(&positions, &bar.labels, &bar.interior, METERS_PER_UNIT, 0.025).unwrap().bodies;
     let load = Load::new(2.0, 9.8, 0.4, &[]);
     let reasons = |asked: &str, visible: f64| {
-        choose(&[asked.to_owned()], &load, &bar.materials, (&bodies, 0.025), visible).unwrap().reasons
+        choose(&[asked.to_owned()], &load, &bar.materials, (&parcels, 0.025), visible).unwrap().reasons
     };
     assert_eq!(reasons("auto", INVISIBLE), [None, None]);
     assert_eq!(reasons("auto", HARDLY_VISIBLE), [Some(Reason::TooSlow), None]);
@@ -523,18 +523,18 @@ fn filling_keeps_every_parts_volume() {
     let spacing_m = 0.025;
     let filled = fill(&positions, &bar.labels, &bar.interior, METERS_PER_UNIT, spacing_m).unwrap();
     for (label, expected) in [(0, 0.3 * 0.008), (1, 0.1 * 0.008)] {
-        let volume: f64 = filled.bodies.iter().filter(|b| b.label == label).map(|b| b.volume_m3).sum();
+        let volume: f64 = filled.parcels.iter().filter(|b| b.label == label).map(|b| b.volume_m3).sum();
         assert!((volume / expected - 1.0).abs() < 1e-9, "{volume} m3, expected {expected}");
     }
-    assert!(filled.bodies.iter().all(|b| b.volume_m3 > 0.0));
-    // The inside, clear of the faces, holds a body in every cube of half a grid cell.
+    assert!(filled.parcels.iter().all(|b| b.volume_m3 > 0.0));
+    // The inside, clear of the faces, holds a parcel in every cube of half a grid cell.
     let cube = |b: &[f64; 3]| b.map(|x| (x / spacing_m * 2.0).floor() as i64);
-    let cubes: BTreeSet<[i64; 3]> = filled.bodies.iter().map(|b| cube(&b.position_m)).collect();
+    let cubes: BTreeSet<[i64; 3]> = filled.parcels.iter().map(|b| cube(&b.position_m)).collect();
     let expected: BTreeSet<[i64; 3]> =
         bar.interior.iter().map(|p| cube(&p.position.map(|x| x * METERS_PER_UNIT))).collect();
     assert_eq!(cubes, expected);
     let bare = fill(&positions, &bar.labels, &[], METERS_PER_UNIT, spacing_m).unwrap();
-    assert_eq!((bare.bodies.len(), bare.assumed_full), (positions.len(), vec![0, 1]));
+    assert_eq!((bare.parcels.len(), bare.assumed_full), (positions.len(), vec![0, 1]));
 }
 
 /// A corner that lands on a sticky ground stays there; on any other it slides and bounces up again.

@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::super::error::SimulateError;
-use super::super::filling::Body;
+use super::super::filling::Parcel;
 use super::super::material::Material;
 use super::super::script::{Step, What, all_names, names_of_parts, parts_named};
 use crate::materials::Law;
@@ -106,20 +106,20 @@ pub enum Reason {
     InShell,
 }
 
-/// Chooses the rigid ones of the parts that have `bodies` (metres, with labels), on a grid of `spacing_m`, as `--rigid`
+/// Chooses the rigid ones of the parts that have `parcels` (metres, with labels), on a grid of `spacing_m`, as `--rigid`
 /// says (`asked`). `auto` chooses those that strain by at most `visible`, and the layers on them.
 ///
 /// # Errors
-/// [`SimulateError::Rigid`] if `asked` names a part that does not exist or has no bodies; [`SimulateError::RigidAlone`] if
+/// [`SimulateError::Rigid`] if `asked` names a part that does not exist or has no parcels; [`SimulateError::RigidAlone`] if
 /// it holds a word that is no part, and other values.
 pub fn choose(
     asked: &[String],
     load: &Load,
     materials: &[Material],
-    (bodies, spacing_m): (&[Body], f64),
+    (parcels, spacing_m): (&[Parcel], f64),
     visible: f64,
 ) -> Result<Choice, SimulateError> {
-    let cubes = Cubes::new(bodies, spacing_m);
+    let cubes = Cubes::new(parcels, spacing_m);
     let mut reasons = match asked {
         [word] if word == NEVER => vec![None; materials.len()],
         [word] if word == AUTO && load.is_forced => vec![None; materials.len()],
@@ -137,7 +137,7 @@ pub fn choose(
             reasons
         }
         parts => {
-            let simulated: BTreeSet<u32> = bodies.iter().map(|body| body.label).collect();
+            let simulated: BTreeSet<u32> = parcels.iter().map(|parcel| parcel.label).collect();
             let named = named(parts, &names_of_parts(materials), &simulated)?;
             named.into_iter().map(|named| named.then_some(Reason::Asked)).collect()
         }
@@ -170,23 +170,23 @@ fn named(parts: &[String], names: &[Vec<&str>], simulated: &BTreeSet<u32>) -> Re
 /// The labels in each cube of half a grid cell.
 struct Cubes {
     labels: BTreeMap<[i64; 3], BTreeSet<u32>>,
-    /// Per body: its cube and its label.
-    bodies: Vec<([i64; 3], u32)>,
+    /// Per parcel: its cube and its label.
+    parcels: Vec<([i64; 3], u32)>,
 }
 
 impl Cubes {
-    fn new(bodies: &[Body], spacing_m: f64) -> Self {
+    fn new(parcels: &[Parcel], spacing_m: f64) -> Self {
         let side = spacing_m / 2.0;
-        let bodies: Vec<_> = bodies
+        let parcels: Vec<_> = parcels
             .iter()
-            .filter(|body| body.backed)
-            .map(|body| (body.position_m.map(|x| (x / side).floor() as i64), body.label))
+            .filter(|parcel| parcel.backed)
+            .map(|parcel| (parcel.position_m.map(|x| (x / side).floor() as i64), parcel.label))
             .collect();
         let mut labels: BTreeMap<[i64; 3], BTreeSet<u32>> = BTreeMap::new();
-        for (cube, label) in &bodies {
+        for (cube, label) in &parcels {
             labels.entry(*cube).or_default().insert(*label);
         }
-        Self { labels, bodies }
+        Self { labels, parcels }
     }
 
     /// The labels within a grid cell of each occupied cube.
@@ -202,11 +202,11 @@ impl Cubes {
         self.labels.keys().map(|cube| (*cube, near(*cube))).collect()
     }
 
-    /// Per label: the share of its bodies that lie within a grid cell of a `rigid` part.
+    /// Per label: the share of its parcels that lie within a grid cell of a `rigid` part.
     fn share_near(&self, rigid: &[Option<Reason>]) -> Vec<f64> {
         let around = self.around();
         let mut counts = vec![[0.0; 2]; rigid.len()];
-        for (cube, label) in &self.bodies {
+        for (cube, label) in &self.parcels {
             let count = &mut counts[*label as usize];
             count[0] += f64::from(u8::from(around[cube].iter().any(|&l| rigid[l as usize].is_some())));
             count[1] += 1.0;
@@ -232,7 +232,7 @@ impl Cubes {
                 root[a.max(b)] = a.min(b);
             }
         }
-        let used: BTreeSet<u32> = self.bodies.iter().map(|(_, label)| *label).collect();
+        let used: BTreeSet<u32> = self.parcels.iter().map(|(_, label)| *label).collect();
         let mut numbers: BTreeMap<usize, u32> = BTreeMap::new();
         (0..rigid.len())
             .map(|label| {
