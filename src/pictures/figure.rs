@@ -43,7 +43,7 @@ pub enum Shown {
 
 /// A field with all that is needed to draw it.
 #[derive(Clone, Copy)]
-pub struct Subject<'a> {
+pub struct Object<'a> {
     pub gaussians: &'a Gaussians,
     pub field: &'a MaterialField,
     /// `None` if unknown: there is no scale bar then.
@@ -51,35 +51,35 @@ pub struct Subject<'a> {
 }
 
 /// Draws the field as `camera` sees it, cropped to the object in its `photo`.
-pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, subject: Subject) -> RgbImage {
+pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, object: Object) -> RgbImage {
     let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
     let with_bar = |mut picture: RgbImage| {
-        if let Some(meters_per_unit) = subject.meters_per_unit {
-            strokes::scale_bar(&mut picture, framing.pixels_per_meter(subject.gaussians, meters_per_unit));
+        if let Some(meters_per_unit) = object.meters_per_unit {
+            strokes::scale_bar(&mut picture, framing.pixels_per_meter(object.gaussians, meters_per_unit));
         }
         picture
     };
     let shot = || Panel::new("Photo", with_bar(framing.photo(photo)));
     let alone = |panel: Panel| Panel { picture: with_bar(panel.picture), ..panel };
     match shown {
-        Shown::Figure => compose(&[shot(), parts(&framing, subject), materials(&framing, subject)]),
-        Shown::Materials => compose(&[alone(materials(&framing, subject))]),
-        Shown::Parts => compose(&[alone(parts(&framing, subject))]),
-        Shown::Confidence => compose(&[alone(confidence(&framing, subject))]),
-        Shown::Hardness => compose(&[alone(property(Property::Hardness, &framing, subject))]),
-        Shown::YoungsModulus => compose(&[alone(property(Property::YoungsModulus, &framing, subject))]),
-        Shown::Density => compose(&[alone(property(Property::Density, &framing, subject))]),
-        Shown::Friction => compose(&[alone(property(Property::Friction, &framing, subject))]),
+        Shown::Figure => compose(&[shot(), parts(&framing, object), materials(&framing, object)]),
+        Shown::Materials => compose(&[alone(materials(&framing, object))]),
+        Shown::Parts => compose(&[alone(parts(&framing, object))]),
+        Shown::Confidence => compose(&[alone(confidence(&framing, object))]),
+        Shown::Hardness => compose(&[alone(property(Property::Hardness, &framing, object))]),
+        Shown::YoungsModulus => compose(&[alone(property(Property::YoungsModulus, &framing, object))]),
+        Shown::Density => compose(&[alone(property(Property::Density, &framing, object))]),
+        Shown::Friction => compose(&[alone(property(Property::Friction, &framing, object))]),
     }
 }
 
-fn materials(framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel {
+fn materials(framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
     let picture = framing.colored(gaussians, &field_colors::material_colors(field));
     Panel::new("Materials", picture).with_legend(legends::materials(field))
 }
 
 /// The parts, each with its number where the picture shows it.
-fn parts(framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel {
+fn parts(framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
     let mut picture = framing.colored(gaussians, &field_colors::part_colors(field));
     let labels = framing.labels(gaussians, &field.part_label);
     let radius = (f64::from(picture.width().min(picture.height())) / 36.0).clamp(9.0, 15.0);
@@ -91,12 +91,12 @@ fn parts(framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel 
     Panel::new("Parts", picture).with_legend(legends::parts(field))
 }
 
-fn confidence(framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel {
+fn confidence(framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
     let picture = framing.colored(gaussians, &field_colors::confidence_colors(field));
     Panel::new("Confidence", picture).with_legend(legends::confidence())
 }
 
-fn property(property: Property, framing: &Framing, Subject { gaussians, field, .. }: Subject) -> Panel {
+fn property(property: Property, framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
     let picture = framing.colored(gaussians, &property.colors(field));
     Panel::new(property.title(), picture).with_legend(property.legend(field))
 }

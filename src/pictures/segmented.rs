@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use image::{Rgb, RgbImage};
 
-use super::figure::{PANEL_NARROWEST, PANEL_PX, Subject};
+use super::figure::{Object, PANEL_NARROWEST, PANEL_PX};
 use super::framing::Framing;
 use super::panels::{Entry, Key, Panel, compose};
 use super::{field_colors, palette, tinted};
@@ -41,7 +41,7 @@ pub fn before_and_after(
     camera: &Camera,
     photo: &Photo,
     (map, answered): (&LabelMap, &BTreeMap<u16, String>),
-    Subject { gaussians, field, .. }: Subject,
+    Object { gaussians, field, .. }: Object,
 ) -> RgbImage {
     let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
     let voted = material_names(&field.labels);

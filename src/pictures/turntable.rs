@@ -2,7 +2,7 @@
 
 use image::{DynamicImage, GenericImage, Rgb, RgbImage};
 
-use super::figure::{Shown, Subject};
+use super::figure::{Object, Shown};
 use super::panels::{self, Entry};
 use super::property::Property;
 use super::{field_colors, legends};
@@ -24,7 +24,7 @@ const LEGEND_SHARE: f64 = 0.5;
 
 /// The film of a turn.
 pub struct Turntable<'a> {
-    subject: Subject<'a>,
+    object: Object<'a>,
     panels: Vec<Panel>,
     layout: Layout,
     cameras: Vec<Camera>,
@@ -54,11 +54,11 @@ struct Layout {
 }
 
 impl<'a> Turntable<'a> {
-    /// The film of `subject`: photo colours, parts, materials and Young's modulus, or only what is `shown`.
-    pub fn new(shown: Shown, subject: Subject<'a>, film: film::Options) -> Self {
-        let panels = panels_of(shown, subject);
+    /// The film of `object`: photo colours, parts, materials and Young's modulus, or only what is `shown`.
+    pub fn new(shown: Shown, object: Object<'a>, film: film::Options) -> Self {
+        let panels = panels_of(shown, object);
         let count = (TURN_S * film.fps) as usize;
-        let bounds = robust_bounds(subject.gaussians);
+        let bounds = robust_bounds(object.gaussians);
         let margin = bounds.size() * BEYOND;
         let corners: Vec<_> = orbit::corners([(bounds.min - margin).into(), (bounds.max + margin).into()]).collect();
         // Of the layouts, the one that shows the object largest.
@@ -71,7 +71,7 @@ impl<'a> Turntable<'a> {
         });
         let (layout, cameras, _) = with_cameras.max_by(|a, b| a.2.total_cmp(&b.2)).expect("there are two layouts");
         let sheet = layout.sheet(&panels);
-        Self { subject, panels, layout, cameras, sheet }
+        Self { object, panels, layout, cameras, sheet }
     }
 
     /// Number of pictures.
@@ -85,7 +85,7 @@ impl<'a> Turntable<'a> {
         for (n, panel) in (0..).zip(&self.panels) {
             let colors = panel.colors.as_deref().map_or(Colors::Sh, Colors::Fixed);
             let options = RenderOptions { colors, ..RenderOptions::default() };
-            let picture = render(self.subject.gaussians, &self.cameras[index], &options).to_image([1.0; 3]);
+            let picture = render(self.object.gaussians, &self.cameras[index], &options).to_image([1.0; 3]);
             let (x, y) = self.layout.picture_at(n);
             let picture = DynamicImage::ImageRgba8(picture).into_rgb8();
             sheet.copy_from(&picture, x, y).expect("the sheet was made for its pictures");
@@ -94,8 +94,8 @@ impl<'a> Turntable<'a> {
     }
 }
 
-fn panels_of(shown: Shown, subject: Subject) -> Vec<Panel> {
-    let field = subject.field;
+fn panels_of(shown: Shown, object: Object) -> Vec<Panel> {
+    let field = object.field;
     let photo = || Panel { title: "Photo colours", colors: None, legend: Vec::new() };
     let parts =
         || Panel { title: "Parts", colors: Some(field_colors::part_colors(field)), legend: legends::parts(field) };

@@ -47,9 +47,9 @@ impl Pipeline {
         let most = map.labels.iter().max().copied().unwrap_or(0);
         let answered: BTreeMap<u16, String> =
             (1..=most).filter_map(|id| Some((id, material(id).or_else(|| material(part_of(id)))?))).collect();
-        let subject = self.subject(field);
+        let object = self.object(field);
         let photo = photo_with_foreground(&self.scene, view)?;
-        png(&segmented::before_and_after(&view.camera, &photo, (map, &answered), subject))
+        png(&segmented::before_and_after(&view.camera, &photo, (map, &answered), object))
     }
 
     /// The segments of one view at each of SAM's levels, found anew, as PNG; by default of the chosen view that shows most
@@ -72,7 +72,7 @@ impl Pipeline {
     /// The object on a turntable, as a film. The scene must be voted on.
     pub(crate) fn turntable(&self, shown: Shown, format: film::Format) -> Result<Vec<u8>> {
         let film = self.options.simulate.viewpoint.film;
-        let turntable = Turntable::new(shown, self.subject(self.stored_field()?), film);
+        let turntable = Turntable::new(shown, self.object(self.stored_field()?), film);
         let bar = self.progress.bar("film", turntable.count() as u64);
         let bytes = format.encode(film.fps, turntable.count(), |index| {
             bar.inc(1);

@@ -9,7 +9,7 @@ use image::RgbImage;
 
 use crate::from_splat::photo_with_foreground;
 use crate::gaussians::Gaussians;
-use crate::pictures::figure::{self, Shown, Subject};
+use crate::pictures::figure::{self, Object, Shown};
 use crate::pictures::{field_colors, framing, thumbnail};
 use crate::query::Answers;
 use crate::scene::View;
@@ -51,12 +51,12 @@ impl Pipeline {
 
     pub(super) fn draw(&self, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
         let photo = photo_with_foreground(&self.scene, view)?;
-        Ok(figure::draw(shown, &view.camera, &photo, self.subject(field)))
+        Ok(figure::draw(shown, &view.camera, &photo, self.object(field)))
     }
 
-    pub(super) fn subject<'a>(&'a self, field: &'a MaterialField) -> Subject<'a> {
+    pub(super) fn object<'a>(&'a self, field: &'a MaterialField) -> Object<'a> {
         let meters_per_unit = self.scene.scale.as_ref().map(|scale| scale.meters_per_unit);
-        Subject { gaussians: &self.scene.gaussians, field, meters_per_unit }
+        Object { gaussians: &self.scene.gaussians, field, meters_per_unit }
     }
 
     /// The chosen view that shows most of the object.

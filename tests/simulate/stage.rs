@@ -312,7 +312,7 @@ fn what_is_too_stiff_to_simulate_in_time_is_rigid() {
     (bar.materials[0].youngs_modulus_pa, bar.materials[1].youngs_modulus_pa) = (3e9, 3e7);
     let positions: Vec<[f64; 3]> =
         (0..bar.gaussians.len()).map(|i| (bar.gaussians.center(i) * METERS_PER_UNIT).into()).collect();
-    let bodies = fill(&positions, &bar.labels, &bar.interior, METERS_PER_UNIT, 0.025).unwrap().bodies;
+    let parcels = fill(&positions, &bar.labels, &bar.interior, METERS_PER_UNIT, 0.025).unwrap().parcels;
     let load = Load::new(2.0, 9.8, 0.4, &[]);
     let reasons = |asked: &str, visible: f64| {
         choose(&[asked.to_owned()], &load, &bar.materials, (&parcels, 0.025), visible).unwrap().reasons
