@@ -116,6 +116,64 @@ fn json_is_found_in_what_models_write_around_it() {
 }
 
 #[test]
+fn the_last_object_that_fits_is_the_answer() {
+    let (json, draft) = (good().to_string(), with(good(), "caption", json!("a draft")).to_string());
+    let close = with(good(), "form", json!("hollow")).to_string();
+    let table = [
+        format!("[THINK]Draft {{\"caption\":\"x\"}}[/THINK]{json}"),
+        format!("[THINK]{draft}[/THINK]{json}"),
+        format!("◁think▷{draft}◁/think▷{json}"),
+        format!(
+            "<|channel|>analysis<|message|>{draft}<|end|><|start|>assistant<|channel|>final<|message|>{json}<|return|>"
+        ),
+        format!("<|channel>thought\n{draft}<channel|>{json}"),
+        format!("{draft} No, better: {json}"),
+        format!("{draft} {json} Note: {{\"a\": 1}} and {{b}}."),
+        format!("{json} In short: {{\"caption\":\"a part\"}}"),
+        // All of it before the mark, as some chat templates have it.
+        format!("{json}</think>"),
+        format!("<think>{json}</think>\nI have answered."),
+        // A draft that is never closed.
+        format!("{{\"caption\": \"an unfinished {json}"),
+        json!({ "values": good() }).to_string(),
+        json!({ "thought": "wood", "answer": good() }).to_string(),
+        json!([good()]).to_string(),
+        format!("{draft} {}", json!({ "final": good() })),
+    ];
+    for response in table {
+        let answer = read_as(&response, Unknown::Refuse).unwrap_or_else(|problem| panic!("{response}: {problem:?}"));
+        assert_eq!(answer.caption, "a part", "{response}");
+    }
+    // Nothing fits: the problem is that of the object that comes closest.
+    let problem = read_as(&format!("{{\"caption\":\"x\"}} {close} {{\"a\": 1}}"), Unknown::Refuse).unwrap_err();
+    assert!(problem.reason.contains("form") && !problem.reason.contains("required"), "{}", problem.reason);
+    // The answer that follows the reasoning is meant, even if it has to be corrected.
+    let problem = read_as(&format!("<think>{draft}</think>{close}"), Unknown::Refuse).unwrap_err();
+    assert!(problem.reason.contains("form"), "{}", problem.reason);
+}
+
+#[test]
+fn numbers_may_be_written_as_strings() {
+    let row = read(&good()).unwrap();
+    let in_words = |value: &Value| match value {
+        Value::Array(ends) => json!(ends.iter().map(Value::to_string).collect::<Vec<_>>()),
+        value => json!(value.to_string()),
+    };
+    let fields = ["density_kg_m3", "youngs_modulus_mpa", "poisson_ratio", "yield_strength_mpa", "friction_rubber"];
+    let mut answer = good();
+    for field in fields.into_iter().chain(["confidence", "several_materials", "wall_thickness_mm"]) {
+        answer[field] = in_words(&good()[field]);
+    }
+    assert_eq!(read(&answer).unwrap(), row);
+    assert_eq!(read(&with(good(), "density_kg_m3", json!(good()["density_kg_m3"].to_string()))).unwrap(), row);
+    // What may be a string stays one, and words are no numbers.
+    assert_eq!(read(&with(good(), "caption", json!("12"))).unwrap().caption, "12");
+    for bad in [json!(["light", "heavy"]), json!(["NaN", "7800"]), json!(["1e999", "7800"]), json!("700-800")] {
+        assert!(read(&with(good(), "density_kg_m3", bad)).unwrap_err().reason.contains("density_kg_m3"));
+    }
+}
+
+#[test]
 fn a_truncated_answer_names_what_it_lacks() {
     let json = good().to_string();
     let cut = &json[..json.find("\"friction_rubber\"").unwrap() - 1];

@@ -35,7 +35,7 @@ impl Server {
         Options { lmm_url: Some(format!("{}/v1", self.0.uri())), lmm_model: Some("test-model".into()), ..small() }
     }
 
-    fn client(&self) -> Client {
+    pub fn client(&self) -> Client {
         connect(&self.options(), None).unwrap().unwrap()
     }
 
@@ -44,7 +44,7 @@ impl Server {
     }
 
     /// Asks one made-up question.
-    fn ask(&self) -> Result<Reply, AskError> {
+    pub fn ask(&self) -> Result<Reply, AskError> {
         ask(&self.client(), None)
     }
 }

@@ -13,6 +13,8 @@ mod exchange;
 mod form;
 // Servers that send too much, too slowly or too little; requests that may have been billed count.
 mod hostile;
+// Where servers put an answer, and the requests that follow a reply without one.
+mod places;
 // Recordings that two runs write, that cannot be written, or for which there is no disk space.
 mod kept;
 mod labels;
@@ -30,6 +32,8 @@ mod servers;
 mod sheets;
 // The question about the size of the object.
 mod size;
+// How long servers ask to wait, each in its own way.
+mod waits;
 
 use std::path::Path;
 use std::sync::Mutex;

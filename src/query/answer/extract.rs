@@ -1,9 +1,11 @@
-//! Finds the JSON object in a model's text: bare, fenced, after some reasoning, or cut off at the end.
+//! Finds the JSON objects in a model's text: bare, fenced, after some reasoning, or cut off at the end.
+
+use std::collections::VecDeque;
 
 use serde_json::{Deserializer, Value};
 
 /// Why a text contains no JSON object.
-#[derive(Debug, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum NoJson {
     /// It has no opening brace that starts one.
     None,
@@ -14,30 +16,65 @@ pub enum NoJson {
 /// An answer is an object of ranges, which is two levels; no answer nests this deeply.
 const MOST_NESTED: usize = 16;
 
-/// Ends the reasoning of models that write it into their response; nothing before it is the answer.
-const END_OF_THOUGHT: &str = "</think>";
+/// Most objects of a text that are looked at, counted from its end.
+const MOST_OBJECTS: usize = 64;
 
-/// The first JSON object in `text`. An object that was cut off is closed where it ends; the schema then reports what is
-/// missing.
-pub fn json_object(text: &str) -> Result<Value, NoJson> {
-    let text = text.rsplit_once(END_OF_THOUGHT).map_or(text, |(_, answer)| answer);
+/// The marks after which models write their answer if they write their reasoning into the response too: those of Qwen and
+/// DeepSeek, of Magistral, Kimi, Seed-OSS, Command A and Gemma, and the one that begins the text of a channel in the format
+/// of gpt-oss.
+const ENDS_OF_THOUGHT: [&str; 9] = [
+    "</think>",
+    "</thinking>",
+    "</thought>",
+    "[/THINK]",
+    "◁/think▷",
+    "</seed:think>",
+    "<|END_THINKING|>",
+    "<channel|>",
+    "<|message|>",
+];
+
+/// Splits a response after the last mark that ends a model's reasoning: into the reasoning, which may be empty, and the
+/// answer.
+pub fn split_thought(response: &str) -> (&str, &str) {
+    let ends = ENDS_OF_THOUGHT.iter().filter_map(|mark| Some(response.rfind(mark)? + mark.len()));
+    response.split_at(ends.max().unwrap_or(0))
+}
+
+/// The last JSON objects in `text`, in their order. An object that was cut off is closed where it ends; the schema then
+/// reports what is missing.
+pub fn json_objects(text: &str) -> Result<Vec<Value>, NoJson> {
     let text = text.trim_end().trim_end_matches('`').trim_end();
+    let mut found = VecDeque::new();
     let mut problem = NoJson::None;
-    for (start, _) in text.match_indices('{') {
+    let mut at = 0;
+    while let Some(start) = text[at..].find('{').map(|next| at + next) {
         let rest = &text[start..];
+        at = start + 1;
         if nests_too_deeply(rest) {
-            return Err(NoJson::Broken(format!("it is nested more than {MOST_NESTED} deep")));
+            problem = NoJson::Broken(format!("it is nested more than {MOST_NESTED} deep"));
+            break;
         }
-        match Deserializer::from_str(rest).into_iter::<Value>().next() {
-            Some(Ok(value)) => return Ok(value),
-            Some(Err(error)) if error.is_eof() => {
-                return closed(rest).ok_or_else(|| NoJson::Broken(error.to_string()));
+        let mut values = Deserializer::from_str(rest).into_iter::<Value>();
+        match values.next() {
+            Some(Ok(value)) => {
+                found.push_back(value);
+                at = start + values.byte_offset();
             }
-            Some(Err(error)) if problem == NoJson::None => problem = NoJson::Broken(error.to_string()),
-            _ => {}
+            Some(Err(error)) => {
+                let whole = if error.is_eof() { closed(rest) } else { None };
+                if whole.is_none() && problem == NoJson::None {
+                    problem = NoJson::Broken(error.to_string());
+                }
+                found.extend(whole);
+            }
+            None => {}
+        }
+        if found.len() > MOST_OBJECTS {
+            found.pop_front();
         }
     }
-    Err(problem)
+    if found.is_empty() { Err(problem) } else { Ok(found.into()) }
 }
 
 /// True if the value that `text` begins with nests brackets more than [`MOST_NESTED`] deep. Without this check, every

@@ -8,6 +8,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
 
+use super::response::Received;
 use super::retry::Attempt;
 use super::{Client, MAX_REPLY_BYTES, response};
 use crate::query::ask::asker::AskError;
@@ -125,9 +126,9 @@ impl Client {
     /// The text of a file that the server holds.
     pub fn file(&self, id: &str) -> Result<String, AskError> {
         let url = self.address.below(&["files", id, "content"]);
-        let text = |status: StatusCode, body: &str, retry_after| match status.is_success() {
-            true => Ok(body.to_owned()),
-            false => Err(failure(status, body, retry_after)),
+        let text = |received: &Received| match received.status.is_success() {
+            true => Ok(received.body.clone()),
+            false => Err(failure(received)),
         };
         let request = || self.http.get(url.clone()).timeout(TRANSFER_TIMEOUT);
         let content = self.exchange(self.retries, MAX_FILE_BYTES, request, text);
@@ -135,20 +136,20 @@ impl Client {
     }
 }
 
-fn json_body<T: DeserializeOwned>(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Result<T, Attempt> {
-    if !status.is_success() {
-        return Err(failure(status, body, retry_after));
+fn json_body<T: DeserializeOwned>(received: &Received) -> Result<T, Attempt> {
+    if !received.status.is_success() {
+        return Err(failure(received));
     }
-    serde_json::from_str(body).map_err(|error| {
+    serde_json::from_str(&received.body).map_err(|error| {
         Attempt::Final(AskError::Failed(format!("the server does not answer like OpenAI's Batch API: {error}")))
     })
 }
 
 /// The failure that an unsuccessful status stands for. A job or file that the server does not have says nothing about
 /// others.
-fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Attempt {
-    match response::failure(status, body, retry_after) {
-        Attempt::Final(AskError::Fatal(message)) if status == StatusCode::NOT_FOUND => {
+fn failure(received: &Received) -> Attempt {
+    match response::failure(received) {
+        Attempt::Final(AskError::Fatal(message)) if received.status == StatusCode::NOT_FOUND => {
             Attempt::Final(AskError::Failed(message))
         }
         failure => failure,
@@ -159,7 +160,9 @@ fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Att
 pub fn ask_error(attempt: Attempt) -> AskError {
     match attempt {
         Attempt::Final(error) => error,
-        Attempt::Passing { message, .. } | Attempt::Unaccepted { message } => AskError::Failed(message),
+        Attempt::Passing { message, .. } | Attempt::Unaccepted { message } | Attempt::Unreadable { message } => {
+            AskError::Failed(message)
+        }
         Attempt::Unreachable { message } => AskError::Fatal(message),
     }
 }

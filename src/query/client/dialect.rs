@@ -107,6 +107,11 @@ impl Dialect {
         if self.detail == Detail::High && message.contains("detail") {
             return Some(Self { detail: Detail::Unsent, ..self });
         }
+        self.plainer()
+    }
+
+    /// The next plainer way to ask for a structured answer; `None` if there is none.
+    pub fn plainer(self) -> Option<Self> {
         let format = match self.format {
             Format::JsonSchema => Format::JsonObject,
             Format::JsonObject => Format::Text,

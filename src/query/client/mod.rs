@@ -11,23 +11,27 @@
 
 mod address;
 mod batch_api;
+mod body;
+mod completion;
 mod dialect;
 mod error;
 mod key;
 mod response;
 mod retry;
+mod wait;
 
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use reqwest::header::CONTENT_TYPE;
+use reqwest::header::{CONTENT_TYPE, HeaderMap};
 use reqwest::{RequestBuilder, StatusCode};
 use serde_json::{Value, json};
 use tokio::runtime::Runtime;
 
 use super::options::Options;
-use super::recorded::Answerer;
-use crate::query::ask::asker::{Ask, AskError, Asker, Reply};
+use super::recorded::{Answerer, Usage};
+use crate::query::answer::extract;
+use crate::query::ask::asker::{Ask, AskError, Asker, Reply, ReplyContent};
 use crate::query::ask::budget::Account;
 use crate::query::ask::cost::Cost;
 use crate::setup::Offline;
@@ -38,6 +42,7 @@ pub use batch_api::{JobState, JobStatus, RequestCounts};
 use dialect::Dialect;
 pub use error::ClientError;
 pub use key::ApiKey;
+use response::Received;
 use retry::{Attempt, Backoff, Wait};
 
 /// A server and one of its models.
@@ -145,34 +150,48 @@ impl Client {
         }
     }
 
-    /// Asks one question, in whichever dialect the server accepts.
+    /// Asks one question, in whichever dialect the server accepts and answers.
     async fn converse(&self, ask: Ask<'_>, account: &Account<'_>) -> Result<Reply, AskError> {
         let mut dialect = *self.dialect.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut used = None;
+        let mut is_known = true;
         loop {
-            let body = dialect.body(&self.answerer.model, self.temperature, self.max_tokens, ask);
-            match self.send(&body, account).await {
+            match self.send(dialect, ask, account).await {
                 Ok(reply) => {
-                    *self.dialect.lock().unwrap_or_else(PoisonError::into_inner) = dialect;
-                    return Ok(reply);
+                    used = sum(used, reply.usage);
+                    let is_empty = matches!(reply.content, ReplyContent::Empty(_));
+                    match dialect.plainer() {
+                        Some(plainer) if is_empty => dialect = plainer,
+                        _ => {
+                            if is_known && !is_empty {
+                                *self.dialect.lock().unwrap_or_else(PoisonError::into_inner) = dialect;
+                            }
+                            return Ok(Reply { usage: used, ..reply });
+                        }
+                    }
+                }
+                Err(Attempt::Unreadable { message }) => {
+                    // It may have been an accident: only this question is asked more plainly.
+                    is_known = false;
+                    dialect = dialect.plainer().ok_or(AskError::Failed(message))?;
                 }
                 Err(Attempt::Unaccepted { message }) => match dialect.after_refusal(&message) {
                     Some(plainer) => dialect = plainer,
                     None => return Err(AskError::Failed(format!("the server does not accept the request: {message}"))),
                 },
-                Err(Attempt::Final(error)) => return Err(error),
-                Err(Attempt::Passing { message, .. }) => return Err(AskError::Failed(message)),
-                Err(Attempt::Unreachable { message }) => return Err(AskError::Fatal(message)),
+                Err(failure) => return Err(batch_api::ask_error(failure)),
             }
         }
     }
 
-    async fn send(&self, body: &Value, account: &Account<'_>) -> Result<Reply, Attempt> {
+    async fn send(&self, dialect: Dialect, ask: Ask<'_>, account: &Account<'_>) -> Result<Reply, Attempt> {
+        let body = dialect.body(&self.answerer.model, self.temperature, self.max_tokens, ask);
         let url = self.address.chat_completions();
-        let request = || self.http.post(url.clone()).header(CONTENT_TYPE, "application/json").json(body);
+        let request = || self.http.post(url.clone()).header(CONTENT_TYPE, "application/json").json(&body);
+        let read = |received: &Received| response::read(received, |text| ask.question.schema.check(text).is_ok());
         let attempt = async || {
             let entry = account.open().map_err(|reason| Attempt::Final(reason.into()))?;
-            let Exchanged { result, may_be_billed } =
-                self.exchange_once(request(), MAX_REPLY_BYTES, response::read).await;
+            let Exchanged { result, may_be_billed } = self.exchange_once(request(), MAX_REPLY_BYTES, read).await;
             match &result {
                 _ if !may_be_billed => entry.not_billed(),
                 Ok(reply) => entry.answered(reply.usage),
@@ -190,7 +209,7 @@ impl Client {
         retries: u32,
         most_bytes: usize,
         request: impl Fn() -> RequestBuilder,
-        read: impl Fn(StatusCode, &str, Option<Duration>) -> Result<T, Attempt>,
+        read: impl Fn(&Received) -> Result<T, Attempt>,
     ) -> Result<T, Attempt> {
         self.repeat(retries, async || self.exchange_once(request(), most_bytes, &read).await.result, || false).await
     }
@@ -231,7 +250,7 @@ impl Client {
         &self,
         mut request: RequestBuilder,
         most_bytes: usize,
-        read: impl Fn(StatusCode, &str, Option<Duration>) -> Result<T, Attempt>,
+        read: impl Fn(&Received) -> Result<T, Attempt>,
     ) -> Exchanged<T> {
         let failed = |failure, may_be_billed| Exchanged { result: Err(failure), may_be_billed };
         if let Err(offline) = self.network {
@@ -250,14 +269,14 @@ impl Client {
         };
         let status = response.status();
         let may_be_billed = status.is_success() || status.is_server_error();
-        let retry_after = retry::retry_after(response.headers());
+        let headers = response.headers().clone();
         let bytes = match response::body(&mut response, most_bytes).await {
             Ok(bytes) => bytes,
             Err(failure) => return failed(failure, may_be_billed),
         };
         let text = String::from_utf8_lossy(&bytes);
-        let text = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.cut_from(&text));
-        Exchanged { result: read(status, &text, retry_after), may_be_billed }
+        let body = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.cut_from(&text));
+        Exchanged { result: read(&Received { status, headers, body }), may_be_billed }
     }
 }
 
@@ -294,8 +313,16 @@ pub fn destination(options: &Options) -> Result<Option<String>, ClientError> {
     Ok(Some(format!("{model} at {}", Address::parse(base)?.host())))
 }
 
-/// Reads the response to a question from its status and body.
+/// The tokens of two requests, as far as the server reports them.
+fn sum(a: Option<Usage>, b: Option<Usage>) -> Option<Usage> {
+    a.zip(b).map(|(a, b)| a.plus(b)).or(a).or(b)
+}
+
+/// Reads the response to a question from its status and body. What stands elsewhere than in the content is taken for the
+/// answer if it holds JSON.
 pub fn read_completion(status: u16, body: &str) -> Result<Reply, AskError> {
     let no_status = |_| AskError::Failed(format!("{status} is not an HTTP status"));
-    response::read(StatusCode::from_u16(status).map_err(no_status)?, body, None).map_err(batch_api::ask_error)
+    let status = StatusCode::from_u16(status).map_err(no_status)?;
+    let received = Received { status, headers: HeaderMap::new(), body: body.to_owned() };
+    response::read(&received, |text| extract::json_objects(text).is_ok()).map_err(batch_api::ask_error)
 }

@@ -1,61 +1,82 @@
 //! The meaning of a response: an answer, a refusal, or a failure that is transient or final.
 
-use std::time::Duration;
-
+use reqwest::header::HeaderMap;
 use reqwest::{Response, StatusCode};
-use serde::Deserialize;
 use serde_json::Value;
 
+use super::body::{documents, is_error, sentence};
+use super::completion::Completion;
 use super::retry::Attempt;
+use super::wait;
 use crate::query::ask::asker::{AskError, Reply, ReplyContent};
 use crate::query::recorded::Usage;
-
-/// Only the answer itself must have the API's form: it was paid for, whatever else the server writes.
-#[derive(Deserialize)]
-struct Completion {
-    model: Option<Value>,
-    choices: Vec<Choice>,
-    usage: Option<Value>,
-}
-
-#[derive(Deserialize)]
-struct Choice {
-    message: Message,
-    finish_reason: Option<Value>,
-}
-
-#[derive(Deserialize)]
-struct Message {
-    content: Option<Value>,
-    refusal: Option<Value>,
-}
-
-/// More tokens than any model reads or writes in one request (the longest contexts are of 10 million): not a credible
-/// count.
-const MOST_TOKENS: u64 = 10_000_000;
 
 /// The longest excerpt of a server's error text that is shown, in characters.
 const MESSAGE_CHARACTERS: usize = 300;
 
-/// Reads the response to one question with its status.
-pub fn read(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Result<Reply, Attempt> {
-    if status == StatusCode::BAD_REQUEST && is_about(body, &["content_policy", "content_filter", "safety_violation"]) {
+/// A whole response, without the key.
+pub struct Received {
+    pub status: StatusCode,
+    pub headers: HeaderMap,
+    pub body: String,
+}
+
+/// Reads the response to one question. `fits` is true for a text that answers it.
+pub fn read(received: &Received, fits: impl Fn(&str) -> bool) -> Result<Reply, Attempt> {
+    let Received { status, body, .. } = received;
+    if *status == StatusCode::BAD_REQUEST && is_about(body, &["content_policy", "content_filter", "safety_violation"]) {
         let no_tokens = Some(Usage::default());
         return Ok(Reply { content: ReplyContent::Refusal(message(body)), usage: no_tokens, served_model: None });
     }
     if !status.is_success() {
-        return Err(failure(status, body, retry_after));
+        return Err(failure(received));
     }
-    match serde_json::from_str::<Completion>(body) {
-        Ok(completion) => answer(completion),
-        Err(_) if error_text(body).is_some() => {
-            Err(Attempt::Passing { message: format!("the server reports: {}", message(body)), retry_after })
-        }
-        Err(error) => Err(Attempt::Passing {
-            message: format!("the response is not a chat completion ({error}); does --lmm-url end in /v1?"),
-            retry_after,
-        }),
+    let documents = documents(body);
+    let reply = Completion::of(&documents).map(|completion| completion.reply(&fits));
+    let error = documents.iter().find_map(error_in);
+    match (reply, error) {
+        (Some(reply), None) => Ok(reply),
+        // An answer is an answer, whatever the server reports after it.
+        (Some(reply), Some(_)) if matches!(&reply.content, ReplyContent::Text(text) if fits(text)) => Ok(reply),
+        (_, Some(error)) => Err(reported(received, error)),
+        (None, None) => Err(Attempt::Unreadable { message: no_completion(body, &documents) }),
     }
+}
+
+/// The error that a document reports in the place of an answer.
+fn error_in(document: &Value) -> Option<&Value> {
+    let of_choice = &document["choices"][0]["error"];
+    if is_error(document) || document["error"].is_object() {
+        return Some(document);
+    }
+    of_choice.is_object().then_some(of_choice)
+}
+
+/// The failure that a server reports with a status of success. OpenRouter names the status that it would have.
+fn reported(received: &Received, error: &Value) -> Attempt {
+    let code = error["code"].as_u64().or_else(|| error["error"]["code"].as_u64());
+    let status = code.and_then(|code| StatusCode::from_u16(u16::try_from(code).ok()?).ok());
+    let Received { headers, .. } = received;
+    let body = error.to_string();
+    match status.filter(|status| status.as_u16() >= 400) {
+        Some(status) => failure(&Received { status, headers: headers.clone(), body }),
+        None => Attempt::Passing {
+            message: format!("the server reports: {}", message(&body)),
+            retry_after: wait::asked(received.status, headers, &body),
+        },
+    }
+}
+
+fn no_completion(body: &str, documents: &[Value]) -> String {
+    let found = match documents {
+        [] if body.trim().is_empty() => "it is empty".to_owned(),
+        [] => match serde_json::from_str::<Value>(body) {
+            Err(error) => error.to_string(),
+            Ok(_) => "it is an empty list".to_owned(),
+        },
+        _ => "it contains no choices".to_owned(),
+    };
+    format!("the response is not a chat completion ({found}); does --lmm-url end in /v1?")
 }
 
 /// The body of a response, of at most `most_bytes`.
@@ -91,44 +112,9 @@ pub fn transport(error: reqwest::Error) -> Attempt {
     Attempt::Passing { message: format!("the connection failed: {message}"), retry_after: None }
 }
 
-fn answer(completion: Completion) -> Result<Reply, Attempt> {
-    let Some(choice) = completion.choices.into_iter().next() else {
-        return Err(Attempt::Passing { message: "the response contains no choices".into(), retry_after: None });
-    };
-    let reason = choice.finish_reason.as_ref().and_then(Value::as_str).unwrap_or("none given");
-    let text = choice.message.content.map(text_of).unwrap_or_default();
-    let content = if let Some(refusal) = choice.message.refusal.map(text_of).filter(|refusal| !refusal.is_empty()) {
-        ReplyContent::Refusal(refusal)
-    } else if reason == "content_filter" {
-        ReplyContent::Refusal("the server's content filter stopped the answer".into())
-    } else if text.trim().is_empty() {
-        ReplyContent::Empty(format!(
-            "the answer is empty (finish reason: {reason}); raise --lmm-max-tokens for a model that reasons at length"
-        ))
-    } else {
-        ReplyContent::Text(text)
-    };
-    let served_model = completion.model.as_ref().and_then(Value::as_str).map(str::to_owned);
-    Ok(Reply { content, usage: completion.usage.as_ref().and_then(usage), served_model })
-}
-
-/// The tokens that a server reports; `None` if these are not credible counts.
-fn usage(counted: &Value) -> Option<Usage> {
-    let tokens = |name| counted.get(name)?.as_u64().filter(|tokens| *tokens <= MOST_TOKENS);
-    Some(Usage { input_tokens: tokens("prompt_tokens")?, output_tokens: tokens("completion_tokens")? })
-}
-
-/// The text of a message: a string, or a list of parts as some servers send it.
-fn text_of(content: Value) -> String {
-    match content {
-        Value::String(text) => text,
-        Value::Array(parts) => parts.iter().filter_map(|part| part["text"].as_str()).collect(),
-        _ => String::new(),
-    }
-}
-
 /// The failure that an unsuccessful status stands for.
-pub fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) -> Attempt {
+pub fn failure(received: &Received) -> Attempt {
+    let Received { status, headers, body } = received;
     let message = format!("status {}: {}", status.as_u16(), message(body));
     match status.as_u16() {
         401 | 403 => Attempt::Final(AskError::Fatal(format!("{message}; set OPENAI_API_KEY to a key for this server"))),
@@ -137,10 +123,13 @@ pub fn failure(status: StatusCode, body: &str, retry_after: Option<Duration>) ->
         429 if is_about(body, &["insufficient_quota", "billing_hard_limit"]) => {
             Attempt::Final(AskError::Fatal(message))
         }
+        429 if wait::is_per_day(body) => Attempt::Final(AskError::Fatal(format!(
+            "{message}; a quota per day is used up: run the same command again when the server renews it"
+        ))),
         // Sent by llama.cpp and its relatives for a schema that they cannot turn into a grammar.
         500 if is_about(body, &["response_format", "json_schema", "grammar"]) => Attempt::Unaccepted { message },
         400 | 415 | 422 | 501 => Attempt::Unaccepted { message },
-        408 | 409 | 425 | 429 | 500.. => Attempt::Passing { message, retry_after },
+        408 | 409 | 425 | 429 | 500.. => Attempt::Passing { message, retry_after: wait::asked(*status, headers, body) },
         300..400 => {
             Attempt::Final(AskError::Fatal(format!("{message}; the server redirects elsewhere; check --lmm-url")))
         }
@@ -153,17 +142,6 @@ fn is_about(body: &str, words: &[&str]) -> bool {
 }
 
 fn message(body: &str) -> String {
-    let text = error_text(body).unwrap_or_else(|| body.trim().to_owned());
-    if text.is_empty() { "no explanation".into() } else { text.chars().take(MESSAGE_CHARACTERS).collect() }
-}
-
-/// The message of an error body, as OpenAI, Ollama and FastAPI servers write it.
-fn error_text(body: &str) -> Option<String> {
-    let body: Value = serde_json::from_str(body).ok()?;
-    let error = body.get("error").or_else(|| body.get("detail")).or_else(|| body.get("message"))?;
-    match error {
-        Value::String(text) => Some(text.clone()),
-        Value::Null => None,
-        other => Some(other["message"].as_str().map_or_else(|| other.to_string(), str::to_owned)),
-    }
+    let sentence = sentence(body).unwrap_or_else(|| "no explanation".into());
+    sentence.chars().take(MESSAGE_CHARACTERS).collect()
 }

@@ -1,8 +1,6 @@
 //! When a request is retried, and after how long.
 
-use std::time::{Duration, SystemTime};
-
-use reqwest::header::{HeaderMap, RETRY_AFTER};
+use std::time::Duration;
 
 use crate::query::ask::asker::AskError;
 
@@ -15,6 +13,8 @@ pub enum Attempt {
     Unreachable { message: String },
     /// The server does not accept this form of request.
     Unaccepted { message: String },
+    /// The server answered this form of request with something that is no completion.
+    Unreadable { message: String },
     /// Retrying would not help.
     Final(AskError),
 }
@@ -61,7 +61,7 @@ impl Backoff {
         let (retry_after, most) = match &failure {
             Attempt::Passing { retry_after, .. } => (*retry_after, self.retries),
             Attempt::Unreachable { .. } => (None, self.retries.min(CONNECTION_RETRIES)),
-            Attempt::Unaccepted { .. } | Attempt::Final(_) => return Err(failure),
+            Attempt::Unaccepted { .. } | Attempt::Unreadable { .. } | Attempt::Final(_) => return Err(failure),
         };
         if self.done >= most {
             return Err(failure);
@@ -97,20 +97,5 @@ impl Backoff {
              again later"
         );
         Attempt::Passing { message, retry_after }
-    }
-}
-
-/// The wait that a server asks for in `Retry-After` (seconds or a date) or OpenAI's `retry-after-ms`.
-pub fn retry_after(headers: &HeaderMap) -> Option<Duration> {
-    let text = |name: &str| headers.get(name)?.to_str().ok().map(str::trim);
-    if let Some(milliseconds) = text("retry-after-ms").and_then(|text| text.parse::<u64>().ok()) {
-        return Some(Duration::from_millis(milliseconds));
-    }
-    let wait = text(RETRY_AFTER.as_str())?;
-    match wait.parse::<f64>() {
-        // More seconds than a `Duration` can hold are still a valid request to wait.
-        Ok(seconds) if seconds >= 0.0 => Some(Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)),
-        Ok(_) => None,
-        Err(_) => httpdate::parse_http_date(wait).ok()?.duration_since(SystemTime::now()).ok(),
     }
 }

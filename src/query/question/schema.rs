@@ -64,24 +64,48 @@ impl Schema {
         &self.sha256
     }
 
-    /// The JSON object in a model's response, if it follows the schema. The names of family and filling
-    /// may differ in case, spelling or punctuation.
+    /// The JSON object in a model's response that follows the schema: the last one, or one that lies in another object, as a
+    /// wrapper has it. Objects in the model's reasoning count only if it wrote none after it. The names of family and filling
+    /// may differ in case, spelling or punctuation, and numbers may be written as strings.
     pub fn check(&self, response: &str) -> Result<Value, ResponseProblem> {
-        let mut value = match extract::json_object(response) {
-            Ok(value) => value,
-            Err(NoJson::None) => return Err(ResponseProblem::NoJson),
-            Err(NoJson::Broken(problem)) => return Err(ResponseProblem::BrokenJson(problem)),
+        let (thought, answer) = extract::split_thought(response);
+        match self.last_fitting(answer) {
+            Err(ResponseProblem::NoJson) => self.last_fitting(thought),
+            checked => checked,
+        }
+    }
+
+    /// The last object in `text` that follows the schema.
+    ///
+    /// # Errors
+    /// The problems of the object that comes closest.
+    fn last_fitting(&self, text: &str) -> Result<Value, ResponseProblem> {
+        let objects = extract::json_objects(text).map_err(|none| match none {
+            NoJson::None => ResponseProblem::NoJson,
+            NoJson::Broken(problem) => ResponseProblem::BrokenJson(problem),
+        })?;
+        let mut closest: Option<Vec<String>> = None;
+        for mut object in objects.into_iter().rev().flat_map(with_wrapped) {
+            self.respell_names(&mut object);
+            read_literals(&mut object, &self.value);
+            let problems = self.problems(&object);
+            if problems.is_empty() {
+                return Ok(object);
+            }
+            if closest.as_ref().is_none_or(|closest| problems.len() < closest.len()) {
+                closest = Some(problems);
+            }
+        }
+        Err(ResponseProblem::OffSchema(closest.unwrap_or_default()))
+    }
+
+    /// Each violation of the schema, with its place in the object.
+    fn problems(&self, object: &Value) -> Vec<String> {
+        let problem = |error: jsonschema::ValidationError| match error.instance_path.as_str() {
+            "" => format!("{error}"),
+            path => format!("{}: {error}", path.trim_start_matches('/')),
         };
-        self.respell_names(&mut value);
-        let problems: Vec<String> = self
-            .validator
-            .iter_errors(&value)
-            .map(|error| match error.instance_path.as_str() {
-                "" => format!("{error}"),
-                path => format!("{}: {error}", path.trim_start_matches('/')),
-            })
-            .collect();
-        if problems.is_empty() { Ok(value) } else { Err(ResponseProblem::OffSchema(problems)) }
+        self.validator.iter_errors(object).map(problem).collect()
     }
 
     /// Replaces names in the answer by the schema's spelling if only case, spelling or punctuation differ.
@@ -93,5 +117,50 @@ impl Schema {
                 name.clone_into(written);
             }
         }
+    }
+}
+
+/// The object, and those that are values of it, as some servers wrap an answer: `{"values": {...}}`.
+fn with_wrapped(object: Value) -> Vec<Value> {
+    let values = object.as_object().into_iter().flat_map(|fields| fields.values());
+    let wrapped: Vec<Value> = values.filter(|value| value.is_object()).cloned().collect();
+    std::iter::once(object).chain(wrapped).collect()
+}
+
+/// Replaces numbers and other values that are written as strings where the schema has no string.
+fn read_literals(value: &mut Value, schema: &Value) {
+    if let Value::String(text) = value
+        && !allows(schema, "string")
+        && let Ok(literal) = serde_json::from_str::<Value>(&text.trim().to_lowercase())
+        && allows(schema, type_of(&literal))
+    {
+        *value = literal;
+    }
+    match value {
+        Value::Object(fields) => {
+            fields.iter_mut().for_each(|(name, field)| read_literals(field, &schema["properties"][name.as_str()]));
+        }
+        Value::Array(items) => items.iter_mut().for_each(|item| read_literals(item, &schema["items"])),
+        _ => {}
+    }
+}
+
+/// True if the schema names this type.
+fn allows(schema: &Value, name: &str) -> bool {
+    match &schema["type"] {
+        Value::Array(names) => names.iter().any(|known| known == name),
+        known => known == name,
+    }
+}
+
+/// The name of a value's type in a schema.
+fn type_of(value: &Value) -> &'static str {
+    match value {
+        Value::Null => "null",
+        Value::Bool(_) => "boolean",
+        Value::Number(_) => "number",
+        Value::String(_) => "string",
+        Value::Array(_) => "array",
+        Value::Object(_) => "object",
     }
 }
