@@ -13,7 +13,7 @@ use crate::run::gprop;
 use crate::support::skipped;
 
 /// Keys that no scene may set, each with a value that its option accepts.
-const REFUSED: [(&str, &str); 25] = [
+const REFUSED: [(&str, &str); 26] = [
     ("ort-lib", "\"lib.so\""),
     ("ort_lib", "\"lib.so\""),
     ("sam-encoder", "\"encoder.onnx\""),
@@ -23,6 +23,7 @@ const REFUSED: [(&str, &str); 25] = [
     ("lmm-model", "\"model\""),
     ("lmm-temperature", "1"),
     ("lmm-max-tokens", "9"),
+    ("lmm-body", "\"body.json\""),
     ("lmm-parallel", "9"),
     ("lmm-timeout-s", "9"),
     ("lmm-retries", "9"),

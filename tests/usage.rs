@@ -248,6 +248,7 @@ const PATHS: &[(&str, Wants)] = &[
     ("--sam-encoder", Wants::File),
     ("--sam-decoder", Wants::File),
     ("--labels", Wants::File),
+    ("--lmm-body", Wants::File),
     ("--prompts", Wants::Folder),
     ("--recordings", Wants::NewFolder),
     ("--prices", Wants::File),

@@ -22,7 +22,7 @@ use gprop::query::answer::{self, Unknown};
 use gprop::query::ask::cost::PriceTable;
 use gprop::query::batch_api::Submitted;
 use gprop::query::client::{self, JobStatus};
-use gprop::query::question::About;
+use gprop::query::question::{About, Questions};
 use gprop::query::recorded::{Recording, Recordings};
 use gprop::query::{self, Answers, LabelSet, Prompts, Queries, batch_api, exchange};
 use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
@@ -138,11 +138,17 @@ pub fn sam_decoder(bytes: &[u8]) {
 
 /// Answers of a model or a person: an endpoint's response, the answer in it, `answers.jsonl`, the Batch API's files.
 pub fn answers(bytes: &[u8]) {
+    static QUESTIONS: LazyLock<Questions> = LazyLock::new(|| {
+        let how = (query::Guidance::OneQuestion, query::Context::GlobalLocal);
+        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), how, About::Parts)
+            .expect("the built-in prompts are good")
+    });
     let text = String::from_utf8_lossy(bytes);
-    for status in [200, 400] {
+    for status in [200, 400, 429] {
         let _ = client::read_completion(status, &text);
     }
-    let _ = batch_api::lines(&text);
+    let _ = QUESTIONS.read(QUESTIONS.first(), &text, MaterialLibrary::builtin(), Unknown::TakeNearest);
+    let _ = batch_api::lines(&text, &str::to_owned);
     let _ = serde_json::from_slice::<JobStatus>(bytes).map(|status| status.problems());
     if let Ok(value) = serde_json::from_slice::<serde_json::Value>(bytes) {
         for unknown in [Unknown::Refuse, Unknown::TakeNearest] {

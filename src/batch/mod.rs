@@ -51,7 +51,7 @@ const FOLDER: &str = "batch";
 
 /// The options that may name a small file or folder of the user's on which the results depend. Its content is part of a
 /// scene's key; files that other options name count by their path only.
-const CONTENT_COUNTS: [&str; 5] = ["gripper", "labels", "materials", "prompts", "scenario"];
+const CONTENT_COUNTS: [&str; 6] = ["gripper", "labels", "lmm-body", "materials", "prompts", "scenario"];
 
 /// A batch with its options.
 #[derive(Debug)]

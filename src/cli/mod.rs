@@ -460,6 +460,7 @@ mod tests {
         "cache-embeddings",
         "decoder",
         "fps",
+        "lmm-body",
         "lmm-max-tokens",
         "lmm-model",
         "lmm-parallel",

@@ -37,7 +37,7 @@ impl Pipeline {
         let options = &self.options.query;
         // The content of these files and folders counts, not how their paths are written.
         let labels = options.labels.clone().filter(|labels| !matches!(labels, LabelSet::File(_)));
-        let without_paths = Options { prompts: None, recordings: None, labels, ..options.clone() };
+        let without_paths = Options { prompts: None, recordings: None, lmm_body: None, labels, ..options.clone() };
         let candidates = query_session::candidates(options, &self.library)?;
         let mut hasher = self
             .key_after_inputs(Stage::Query)
@@ -47,6 +47,9 @@ impl Pipeline {
             .with_json(&candidates.materials())
             .with_json(&self.library.fillings())
             .with_json(&query_session::prompts(options)?.sha256());
+        if let Some(fields) = &options.lmm_body {
+            hasher = hasher.with(&file_digest(fields).unwrap_or_default());
+        }
         for folder in query_session::recording_folders(options, &self.folder) {
             for path in recordings_in(&folder) {
                 hasher = hasher

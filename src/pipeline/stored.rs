@@ -185,7 +185,8 @@ fn paths(options: &mut Options) -> Vec<&mut PathBuf> {
         _ => None,
     };
     let of_scene = [&mut scene.splat, &mut scene.cameras, &mut scene.images, &mut scene.masks];
-    let others = [&mut segment.segments, &mut query.prompts, &mut query.recordings, &mut materials.materials];
+    let of_query = [&mut query.prompts, &mut query.recordings, &mut query.lmm_body];
+    let others = [&mut segment.segments, &mut materials.materials].into_iter().chain(of_query);
     of_scene.into_iter().chain(others).flatten().chain(labels).collect()
 }
 

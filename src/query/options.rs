@@ -116,9 +116,13 @@ pub struct Options {
     #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = TEMPERATURE)]
     pub lmm_temperature: f64,
 
-    /// Maximum number of tokens per answer
+    /// Maximum number of tokens per answer, including those of the model's reasoning
     #[arg(long, value_name = "N", default_value_t = MAX_TOKENS, value_parser = TOKENS)]
     pub lmm_max_tokens: u32,
+
+    /// JSON file with fields to add to every request, such as {"think": false} or {"reasoning_effort": "low"}
+    #[arg(long, value_name = "FILE", value_parser = option_values::file())]
+    pub lmm_body: Option<PathBuf>,
 
     /// Number of parallel requests
     #[arg(long, value_name = "N", default_value_t = PARALLEL, value_parser = REQUESTS)]

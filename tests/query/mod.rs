@@ -7,8 +7,12 @@ pub mod batch_api;
 // A server that misbehaves in every way that servers are known to.
 pub mod client;
 mod cost;
+// Servers that send the key back, escaped, in part or in pieces.
+mod echoes;
 // Export of questions, import of answers.
 mod exchange;
+// The fields of a request: those of --lmm-body, and those that limit its tokens.
+mod fields;
 // The form for people.
 mod form;
 // Servers that send too much, too slowly or too little; requests that may have been billed count.

@@ -39,9 +39,9 @@ fn vllm_takes_the_schema_and_refuses_what_it_does_not_know() {
     // vLLM validates the request with pydantic; its errors are FastAPI's.
     let server = Server::new(|_, body, _| match body.get("max_completion_tokens") {
         None if format(body) == Some("json_schema") => ok(&good()),
-        _ => error(400, "extra_forbidden"),
+        _ => error(400, "[{'type': 'extra_forbidden', 'loc': ('body', 'max_completion_tokens')}]"),
     });
-    assert_answered(&server, &Prompts::builtin(), 2);
+    assert_answered(&server, &Prompts::builtin(), 3);
 }
 
 #[test]

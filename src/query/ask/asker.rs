@@ -33,13 +33,25 @@ pub struct Reply {
     pub served_model: Option<String>,
 }
 
+impl Reply {
+    /// The reply with `edit` applied to every text of the server.
+    pub fn with_texts(self, edit: impl Fn(&str) -> String) -> Self {
+        let content = match self.content {
+            ReplyContent::Text(text) => ReplyContent::Text(edit(&text)),
+            ReplyContent::Refusal(text) => ReplyContent::Refusal(edit(&text)),
+            ReplyContent::Empty(text) => ReplyContent::Empty(edit(&text)),
+        };
+        Self { content, served_model: self.served_model.as_deref().map(edit), ..self }
+    }
+}
+
 /// A model's reply to a question.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ReplyContent {
     Text(String),
     /// The model refused to answer, with its reason.
     Refusal(String),
-    /// The model used up its tokens without answering; the text says how.
+    /// There is no answer in it; the text says why, and what helps.
     Empty(String),
 }
 
@@ -58,6 +70,17 @@ pub enum AskError {
     /// No connection may be opened.
     #[error(transparent)]
     Offline(#[from] Offline),
+}
+
+impl AskError {
+    /// The error with `edit` applied to the text of the server.
+    pub fn with_text(self, edit: impl Fn(&str) -> String) -> Self {
+        match self {
+            Self::Failed(message) => Self::Failed(edit(&message)),
+            Self::Fatal(message) => Self::Fatal(edit(&message)),
+            error @ (Self::NotSent(_) | Self::Offline(_)) => error,
+        }
+    }
 }
 
 /// Answers one question at a time; called from several threads at once.

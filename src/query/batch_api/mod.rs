@@ -202,14 +202,14 @@ pub fn collect(client: &Client, job: &BatchApiJob) -> Result<JobProgress, AskErr
     }
     let mut lines = BTreeMap::new();
     for file in [&status.error_file_id, &status.output_file_id].into_iter().flatten() {
-        lines.extend(response::lines(&client.file(file)?)?);
+        lines.extend(response::lines(&client.file(file)?, &|text| client.without_key(text))?);
     }
     let mut ended = Ended { answered: Vec::new(), failed: Vec::new() };
     for waiting in &job.waiting {
         let found = lines.get(waiting.key.as_str()).cloned();
         let why_none = || match status.problems() {
             none if none.is_empty() => format!("the job ended without an answer ({:?})", status.state),
-            problems => problems,
+            problems => client.without_key(&problems),
         };
         match found.unwrap_or_else(|| Err(NotAnswered::Server(why_none()))) {
             Ok(answered) => ended.answered.push((waiting.clone(), answered)),

@@ -51,11 +51,11 @@ pub enum NotAnswered {
 /// A line's `custom_id` and the answer, or why there is none.
 pub type AnswerLine = (String, Result<Answered, NotAnswered>);
 
-/// The lines of a job's output or error file.
+/// The lines of a job's output or error file. `without_key` cuts the key out of a text.
 ///
 /// # Errors
 /// If a line does not have the form that the Batch API writes.
-pub fn lines(text: &str) -> Result<Vec<AnswerLine>, AskError> {
+pub fn lines(text: &str, without_key: &dyn Fn(&str) -> String) -> Result<Vec<AnswerLine>, AskError> {
     (1..)
         .zip(text.lines())
         .filter(|(_, line)| !line.trim().is_empty())
@@ -63,19 +63,24 @@ pub fn lines(text: &str) -> Result<Vec<AnswerLine>, AskError> {
             let line: Line = serde_json::from_str(line).map_err(|error| {
                 AskError::Failed(format!("line {number} of the job's file is not what the Batch API writes: {error}"))
             })?;
-            Ok((line.custom_id, answer(line.response, line.error)))
+            Ok((line.custom_id, answer(line.response, line.error, without_key)))
         })
         .collect()
 }
 
-fn answer(response: Option<Response>, problem: Option<Problem>) -> Result<Answered, NotAnswered> {
+fn answer(
+    response: Option<Response>,
+    problem: Option<Problem>,
+    without_key: &dyn Fn(&str) -> String,
+) -> Result<Answered, NotAnswered> {
     let Some(response) = response else {
         let words = problem.map(|problem| [problem.code, problem.message]);
         let words: Vec<String> = words.into_iter().flatten().flatten().collect();
         let words = if words.is_empty() { "no reason given".to_owned() } else { words.join(": ") };
-        return Err(NotAnswered::Server(words));
+        return Err(NotAnswered::Server(without_key(&words)));
     };
-    let reply = read_completion(response.status_code, &response.body.to_string())?;
+    let reply = read_completion(response.status_code, &response.body.to_string());
+    let reply = reply.map_err(|error| error.with_text(without_key))?.with_texts(without_key);
     match reply.content {
         ReplyContent::Text(text) => Ok(Answered { text, served_model: reply.served_model, usage: reply.usage }),
         ReplyContent::Refusal(why) => Err(NotAnswered::Refused(why)),

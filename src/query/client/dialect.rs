@@ -8,7 +8,18 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
+use super::fields::Fields;
 use crate::query::ask::asker::Ask;
+
+/// What all requests have in common.
+#[derive(Debug)]
+pub struct Settings {
+    pub model: String,
+    pub temperature: f64,
+    /// Most tokens of an answer, with those of the reasoning that leads to it.
+    pub max_tokens: u32,
+    pub fields: Fields,
+}
 
 /// The features of the API that a server accepts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -27,14 +38,17 @@ enum Format {
     Text,
 }
 
-/// The name of the field that limits an answer's tokens.
+/// The fields that limit an answer's tokens. By itself, `max_tokens` leaves reasoning unlimited at some servers
+/// (Volcengine), and `max_completion_tokens` is unknown to others, which then set no limit (llama-cpp-python, older
+/// llama.cpp).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 enum Limit {
-    /// Accepted by every server.
     #[default]
-    MaxTokens,
-    /// Required by OpenAI's reasoning models.
+    Both,
+    /// OpenAI and Volcengine refuse both together, and OpenAI's reasoning models refuse `max_tokens`.
     MaxCompletionTokens,
+    /// Some servers refuse every field that they do not know (Mistral).
+    MaxTokens,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -58,9 +72,17 @@ const JSON: &str = "JSON";
 const SAY_JSON: &str = "Answer in JSON.";
 
 impl Dialect {
+    /// The strictest form that the server at `host` may accept: OpenAI and Azure are known not to take both limits.
+    pub fn of_host(host: &str) -> Self {
+        let is_openai = host == "api.openai.com" || host.ends_with(".openai.azure.com");
+        let limit = if is_openai { Limit::MaxCompletionTokens } else { Limit::Both };
+        Self { limit, ..Self::default() }
+    }
+
     /// The request's body. The text comes before the picture: it is the same for all segments, and servers that cache
     /// the beginning of earlier requests process it once.
-    pub fn body(self, model: &str, temperature: f64, max_tokens: u32, ask: Ask) -> Value {
+    pub fn body(self, settings: &Settings, ask: Ask) -> Value {
+        let Settings { model, temperature, max_tokens, fields } = settings;
         let picture = format!("data:image/jpeg;base64,{}", STANDARD.encode(ask.picture));
         let mut content = vec![json!({ "type": "text", "text": ask.question.prompt })];
         if self.format == Format::JsonObject && !ask.question.prompt.contains(JSON) {
@@ -77,9 +99,11 @@ impl Dialect {
             messages.push(json!({ "role": "user", "content": correction.prompt }));
         }
         let mut body = json!({ "model": model, "messages": messages, "stream": false });
-        match self.limit {
-            Limit::MaxTokens => body["max_tokens"] = json!(max_tokens),
-            Limit::MaxCompletionTokens => body["max_completion_tokens"] = json!(max_tokens),
+        if self.limit != Limit::MaxCompletionTokens {
+            body["max_tokens"] = json!(max_tokens);
+        }
+        if self.limit != Limit::MaxTokens {
+            body["max_completion_tokens"] = json!(max_tokens);
         }
         if self.temperature == Temperature::Sent {
             body["temperature"] = json!(temperature);
@@ -92,14 +116,18 @@ impl Dialect {
             Format::JsonObject => body["response_format"] = json!({ "type": "json_object" }),
             Format::Text => {}
         }
+        fields.add_to(&mut body);
         body
     }
 
     /// The next plainer dialect after a server refused this one with `message`; `None` if there is none.
     pub fn after_refusal(self, message: &str) -> Option<Self> {
         let message = message.to_lowercase();
-        if self.limit == Limit::MaxTokens && message.contains("max_tokens") {
+        if self.limit == Limit::Both && message.contains("max_tokens") {
             return Some(Self { limit: Limit::MaxCompletionTokens, ..self });
+        }
+        if self.limit != Limit::MaxTokens && message.contains("max_completion_tokens") {
+            return Some(Self { limit: Limit::MaxTokens, ..self });
         }
         if self.temperature == Temperature::Sent && message.contains("temperature") {
             return Some(Self { temperature: Temperature::Unsent, ..self });
@@ -107,7 +135,9 @@ impl Dialect {
         if self.detail == Detail::High && message.contains("detail") {
             return Some(Self { detail: Detail::Unsent, ..self });
         }
-        self.plainer()
+        // A server that does not say what it refuses may know only one of the limits.
+        let one_limit = || Self { limit: Limit::MaxTokens, format: Format::default(), ..self };
+        self.plainer().or_else(|| (self.limit == Limit::Both).then(one_limit))
     }
 
     /// The next plainer way to ask for a structured answer; `None` if there is none.

@@ -1,5 +1,7 @@
 //! The error of setting up a client.
 
+use std::path::PathBuf;
+
 /// A client that cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
@@ -15,6 +17,8 @@ pub enum ClientError {
     NoUrl,
     #[error("OPENAI_API_KEY contains characters that no key has")]
     Key,
+    #[error("--lmm-body {path:?}: {problem}")]
+    Fields { path: PathBuf, problem: String },
     #[error("cannot set up the HTTP client: {0}")]
     Http(String),
 }

@@ -5,9 +5,9 @@ use std::fmt;
 use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
 
 use super::error::ClientError;
+use super::secret;
 
 const VARIABLE: &str = "OPENAI_API_KEY";
-const CUT: &str = "[key]";
 
 /// An API key that cannot be printed.
 #[derive(Clone)]
@@ -37,14 +37,14 @@ impl ApiKey {
         HeaderMap::from_iter([(AUTHORIZATION, self.header.clone())])
     }
 
-    /// `text` with the key removed, in case a server sends it back.
+    /// `text` with the key and long parts of it removed, in case a server sends it back.
     pub(super) fn cut_from(&self, text: &str) -> String {
-        /// Shorter texts are placeholders for servers that need no key ("none", "EMPTY"), and may be part of any answer.
-        const SHORTEST_SECRET: usize = 8;
-        match self.secret.len() < SHORTEST_SECRET {
-            true => text.to_owned(),
-            false => text.replace(&self.secret, CUT),
-        }
+        secret::cut(&self.secret, text)
+    }
+
+    /// `body` with the key removed, before anything else is done with it. Its texts may still be in pieces.
+    pub(super) fn cut_from_body(&self, body: &str) -> String {
+        secret::cut_whole(&self.secret, body)
     }
 }
 

@@ -1,7 +1,7 @@
 //! A client for OpenAI-compatible servers (Chat Completions with pictures): the only place that talks to a network.
 //!
 //! Servers differ in what they accept, so a request starts in its strictest form (`dialect.rs`) and is simplified if a
-//! server refuses it; a form that a server accepted once is used from then on. Requests that fail for a transient
+//! server refuses it or does not answer it; a form that a server answered once is used from then on. Requests that fail for a transient
 //! reason are retried (`retry.rs`), each try with its own entry in the budget. The API key is read from the environment
 //! only, is sent in a header that is marked sensitive, and is cut out of every text that comes back.
 //!
@@ -15,9 +15,11 @@ mod body;
 mod completion;
 mod dialect;
 mod error;
+mod fields;
 mod key;
 mod response;
 mod retry;
+mod secret;
 mod wait;
 
 use std::sync::{Mutex, PoisonError};
@@ -39,8 +41,9 @@ use crate::words::output::counted;
 use crate::words::progress::{self, Progress};
 use address::Address;
 pub use batch_api::{JobState, JobStatus, RequestCounts};
-use dialect::Dialect;
+use dialect::{Dialect, Settings};
 pub use error::ClientError;
+use fields::Fields;
 pub use key::ApiKey;
 use response::Received;
 use retry::{Attempt, Backoff, Wait};
@@ -53,8 +56,7 @@ pub struct Client {
     network: Result<(), Offline>,
     progress: Progress,
     answerer: Answerer,
-    temperature: f64,
-    max_tokens: u32,
+    settings: Settings,
     max_usd: Option<f64>,
     parallel: usize,
     retries: u32,
@@ -90,6 +92,7 @@ impl Client {
     ) -> Result<Option<Self>, ClientError> {
         let Some(base) = &options.lmm_url else { return Ok(None) };
         let model = options.lmm_model.clone().ok_or(ClientError::NoModel)?;
+        let address = Address::parse(base)?;
         let http = reqwest::Client::builder()
             .timeout(Duration::from_secs(options.lmm_timeout_s))
             .connect_timeout(CONNECT_TIMEOUT)
@@ -102,20 +105,27 @@ impl Client {
             .enable_all()
             .build()
             .map_err(|error| ClientError::Http(error.to_string()))?;
-        let parameters = json!({ "temperature": options.lmm_temperature, "max_tokens": options.lmm_max_tokens });
+        let fields = options.lmm_body.as_deref().map(|path| Fields::read(path, key.as_ref())).transpose()?;
+        let settings = Settings {
+            model: model.clone(),
+            temperature: options.lmm_temperature,
+            max_tokens: options.lmm_max_tokens,
+            fields: fields.unwrap_or_default(),
+        };
+        let mut parameters = json!({ "temperature": settings.temperature, "max_tokens": settings.max_tokens });
+        settings.fields.note_in(&mut parameters);
         Ok(Some(Self {
-            address: Address::parse(base)?,
+            dialect: Mutex::new(Dialect::of_host(&address.host())),
+            address,
             key,
             network,
             progress,
             answerer: Answerer { model, parameters },
-            temperature: options.lmm_temperature,
-            max_tokens: options.lmm_max_tokens,
+            settings,
             max_usd: options.max_usd,
             parallel: options.lmm_parallel,
             retries: options.lmm_retries,
             longest_wait: Duration::from_secs(options.lmm_wait_s),
-            dialect: Mutex::new(Dialect::default()),
             http,
             runtime,
         }))
@@ -124,7 +134,12 @@ impl Client {
     /// The body of the request for a question, in the dialect that the server last accepted.
     pub fn body(&self, ask: Ask) -> Value {
         let dialect = *self.dialect.lock().unwrap_or_else(PoisonError::into_inner);
-        dialect.body(&self.answerer.model, self.temperature, self.max_tokens, ask)
+        dialect.body(&self.settings, ask)
+    }
+
+    /// A text of the server with the key cut out: as it came, escaped, or in part.
+    pub fn without_key(&self, text: &str) -> String {
+        self.key.as_ref().map_or_else(|| text.to_owned(), |key| key.cut_from(text))
     }
 
     /// The model and the host of its server, for display: no path, no query.
@@ -185,13 +200,15 @@ impl Client {
     }
 
     async fn send(&self, dialect: Dialect, ask: Ask<'_>, account: &Account<'_>) -> Result<Reply, Attempt> {
-        let body = dialect.body(&self.answerer.model, self.temperature, self.max_tokens, ask);
+        let body = dialect.body(&self.settings, ask);
         let url = self.address.chat_completions();
         let request = || self.http.post(url.clone()).header(CONTENT_TYPE, "application/json").json(&body);
         let read = |received: &Received| response::read(received, |text| ask.question.schema.check(text).is_ok());
         let attempt = async || {
             let entry = account.open().map_err(|reason| Attempt::Final(reason.into()))?;
             let Exchanged { result, may_be_billed } = self.exchange_once(request(), MAX_REPLY_BYTES, read).await;
+            // A key may be split over the parts of a text.
+            let result = result.map(|reply| reply.with_texts(|text| self.without_key(text)));
             match &result {
                 _ if !may_be_billed => entry.not_billed(),
                 Ok(reply) => entry.answered(reply.usage),
@@ -275,8 +292,10 @@ impl Client {
             Err(failure) => return failed(failure, may_be_billed),
         };
         let text = String::from_utf8_lossy(&bytes);
-        let body = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.cut_from(&text));
-        Exchanged { result: read(&Received { status, headers, body }), may_be_billed }
+        let body = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.cut_from_body(&text));
+        let result = read(&Received { status, headers, body });
+        let result = result.map_err(|failure| failure.with_text(|text| self.without_key(text)));
+        Exchanged { result, may_be_billed }
     }
 }
 

@@ -19,6 +19,19 @@ pub enum Attempt {
     Final(AskError),
 }
 
+impl Attempt {
+    /// The failure with `edit` applied to the text of the server.
+    pub fn with_text(self, edit: impl Fn(&str) -> String) -> Self {
+        match self {
+            Self::Passing { message, retry_after } => Self::Passing { message: edit(&message), retry_after },
+            Self::Unreachable { message } => Self::Unreachable { message: edit(&message) },
+            Self::Unaccepted { message } => Self::Unaccepted { message: edit(&message) },
+            Self::Unreadable { message } => Self::Unreadable { message: edit(&message) },
+            Self::Final(error) => Self::Final(error.with_text(edit)),
+        }
+    }
+}
+
 const FIRST_WAIT: Duration = Duration::from_secs(1);
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 /// Largest share taken off a wait at random; below one half, so that each wait up to [`LONGEST_WAIT`] is longer than
