@@ -9,9 +9,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fs;
 use std::path::Path;
 
-/// The stages in the order of the data flow. A stage's room (its folder below `src/`) and its file in `pipeline/`
-/// import only earlier ones.
-const STAGES: [&str; 9] = ["scene", "segment", "consensus", "query", "vote", "parts", "simulate", "grasp", "report"];
+use gprop::pipeline::Stage;
 
 /// For each importing module, the modules that it imports, each with one imported name.
 type Graph = BTreeMap<String, BTreeMap<String, String>>;
@@ -29,6 +27,9 @@ struct Module {
 }
 
 struct Source(BTreeMap<ModulePath, Module>);
+
+/// The folder of the table of stages.
+const TABLE: &str = "pipeline/stages/";
 
 /// The source of gprop and of its inner loops.
 const CRATES: [&str; 1] = ["src"];
@@ -49,18 +50,35 @@ fn no_rooms_import_each_other_in_a_circle() {
     }
 }
 
+/// The room of a stage (its folder below `src/`) and its file in the table of stages import only those of earlier ones.
 #[test]
 fn no_stage_imports_a_later_one() {
     let files = Source::read("src").imports();
-    for (n, stage) in STAGES.iter().enumerate() {
-        let of_stage = |file: &str| room(file) == *stage || file == format!("pipeline/{stage}.rs");
-        let imports = files.iter().filter(|(file, _)| of_stage(file));
+    let stages: Vec<String> = Stage::all().iter().map(|stage| stage.name()).collect();
+    let is_of = |file: &str, stage: &String| room(file) == *stage || file == format!("{TABLE}{stage}.rs");
+    for (n, stage) in stages.iter().enumerate() {
+        assert!(files.contains_key(&format!("{TABLE}{stage}.rs")), "{stage} has no file");
+        let imports = files.iter().filter(|(file, _)| is_of(file, stage));
         for (file, (imported, name)) in imports.flat_map(|(file, all)| all.iter().map(move |one| (file, one))) {
-            assert!(
-                !STAGES[n + 1..].contains(&&*room(imported)),
-                "{file} imports {name} from {imported}, a later stage"
-            );
+            let is_later = stages[n + 1..].iter().any(|later| is_of(imported, later));
+            assert!(!is_later, "{file} imports {name} from {imported}, a later stage");
         }
+    }
+}
+
+/// The pipeline calls the stages; no stage calls the pipeline, or reads its keys and records.
+#[test]
+fn no_stage_imports_the_pipeline() {
+    let source = Source::read("src");
+    let files = source.imports();
+    for (file, imports) in files.iter().filter(|(file, _)| file.starts_with(TABLE)) {
+        for of_pipeline in ["builder", "plan", "record", "run", "stored"] {
+            let imported = imports.get(&format!("pipeline/{of_pipeline}.rs"));
+            assert_eq!(imported, None, "{file} imports from pipeline/{of_pipeline}.rs");
+        }
+    }
+    for module in source.0.values().filter(|module| module.file.starts_with(TABLE)) {
+        assert!(!module.tokens.iter().any(|token| token == "Pipeline"), "{} names the pipeline", module.file);
     }
 }
 

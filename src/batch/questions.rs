@@ -10,6 +10,8 @@ use anyhow::Result;
 
 use crate::error;
 use crate::pipeline::query_session::{self, QuerySession};
+use crate::pipeline::stages::asked::AskedAbout;
+use crate::pipeline::stages::query::session;
 use crate::pipeline::{self, Collected, Pipeline, Plan, Sent, Stage, check_submission};
 use crate::query::ask::asker::Asker;
 use crate::query::ask::cost::Cost;
@@ -227,7 +229,9 @@ impl<'a> Questions<'a> {
         };
         let mut pipeline = builder.open()?;
         pipeline.run()?;
-        let session = pipeline.query_session()?;
+        let open = pipeline.opened();
+        let about = AskedAbout::of(open)?;
+        let session = session(open, &about, &open.options.query)?;
         work(&session, &session.queries()?)
     }
 

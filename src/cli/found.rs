@@ -10,7 +10,7 @@ use crate::consensus::Asked;
 use crate::error::Error;
 use crate::grasp::GraspReport;
 use crate::parts::PartsError;
-use crate::pipeline::{Pipeline, Stage};
+use crate::pipeline::{Pipeline, Stage, stages};
 use crate::query::{Answers, Outcome};
 use crate::report::{grasp_line, mass_line, part_lines, size_line};
 use crate::segment::Segmentation;
@@ -28,45 +28,32 @@ use super::shown;
 pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
     let mut text = match stage {
         Stage::Scene | Stage::Report => String::new(),
-        Stage::Segment => segments(pipeline.segments()?),
-        Stage::Consensus if pipeline.options().consensus.ask == Asked::Segments => {
+        Stage::Segment => segments(pipeline.segments()?.as_ref()),
+        Stage::Consensus if pipeline.opened().options.consensus.ask == Asked::Segments => {
             return Ok("no parts: the model is asked about segments".to_owned());
         }
-        Stage::Consensus => parts_of_views(&pipeline.work().read_json(Artifact::FoundParts)?),
-        Stage::Query => answers(pipeline.answers()?),
-        Stage::Vote => materials(pipeline.field()?),
+        Stage::Consensus => parts_of_views(&pipeline.opened().work.read_json(Artifact::FoundParts)?),
+        Stage::Query => answers(pipeline.answers()?.as_ref()),
+        Stage::Vote => materials(pipeline.field()?.as_ref()),
         Stage::Parts => {
             let parts = if_metric(pipeline.parts())?;
-            let labels = &pipeline.field()?.labels;
-            let lines = part_lines(labels, parts.as_ref()) + &parts.as_ref().map_or_else(no_scale, mass_line);
-            let longest_side = longest_side(&pipeline.scene().gaussians);
-            lines + &size_line(pipeline.metric_scale()?.as_ref(), longest_side)
+            let field = pipeline.field()?;
+            let lines =
+                part_lines(&field.labels, parts.as_deref()) + &parts.as_deref().map_or_else(no_scale, mass_line);
+            let open = pipeline.opened();
+            let longest_side = longest_side(&open.scene.gaussians);
+            lines + &size_line(stages::parts::scale(open)?.as_ref(), longest_side)
         }
-        Stage::Simulate => simulation(&pipeline.simulation()?),
-        Stage::Grasp => if_metric(pipeline.grasp())?.as_ref().map_or_else(no_scale, grasp),
+        Stage::Simulate => simulation(pipeline.simulation()?.as_ref()),
+        Stage::Grasp => if_metric(pipeline.grasp())?.as_deref().map_or_else(no_scale, grasp),
     };
     let artifacts: &[Artifact] = match stage {
         Stage::Segment => &[Artifact::Segments],
         Stage::Simulate => &[Artifact::Animation, Artifact::Simulation],
-        other => &[result_of(other)],
+        other => &[other.row().result],
     };
-    artifacts.iter().for_each(|artifact| text += &format!("{}\n", shown(&pipeline.work().path(*artifact))));
+    artifacts.iter().for_each(|artifact| text += &format!("{}\n", shown(&pipeline.opened().work.path(*artifact))));
     Ok(text)
-}
-
-/// The file with a stage's main result.
-pub fn result_of(stage: Stage) -> Artifact<'static> {
-    match stage {
-        Stage::Scene => Artifact::Views,
-        Stage::Segment => Artifact::Segments,
-        Stage::Consensus => Artifact::FoundParts,
-        Stage::Query => Artifact::Answers,
-        Stage::Vote => Artifact::Field,
-        Stage::Parts => Artifact::Parts,
-        Stage::Simulate => Artifact::Simulation,
-        Stage::Grasp => Artifact::Grasp,
-        Stage::Report => Artifact::ReportHtml,
-    }
 }
 
 /// A result that does not exist if the metric scale is unknown.

@@ -334,6 +334,7 @@ impl Global {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::pipeline::options::{Field, fields};
 
     #[test]
     fn stage_options_are_handed_on_as_they_were_typed() {
@@ -432,25 +433,6 @@ mod tests {
         assert_eq!(set("", &["--scenario", "drop"]), [] as [&str; 0]);
     }
 
-    /// The stages' options, each with its list of keys.
-    fn stages() -> Vec<(clap::Command, &'static [config::SceneKey])> {
-        fn stage<T: Args>(keys: &'static [config::SceneKey]) -> (clap::Command, &'static [config::SceneKey]) {
-            (T::augment_args(clap::Command::new("stage")), keys)
-        }
-        vec![
-            stage::<crate::scene::Options>(crate::scene::SCENE_KEYS),
-            stage::<crate::segment::Options>(crate::segment::SCENE_KEYS),
-            stage::<crate::consensus::Options>(crate::consensus::SCENE_KEYS),
-            stage::<crate::setup::Options>(crate::setup::SCENE_KEYS),
-            stage::<crate::query::Options>(crate::query::SCENE_KEYS),
-            stage::<crate::materials::Options>(crate::materials::SCENE_KEYS),
-            stage::<crate::vote::Options>(crate::vote::SCENE_KEYS),
-            stage::<crate::parts::Options>(crate::parts::SCENE_KEYS),
-            stage::<crate::simulate::Options>(crate::simulate::SCENE_KEYS),
-            stage::<crate::grasp::Options>(crate::grasp::SCENE_KEYS),
-        ]
-    }
-
     /// Options that no scene may set: those that run code, send, pay, wait, write, or read elsewhere. A new option must
     /// be added here or to its stage's `SCENE_KEYS`.
     const USER_ONLY: &[&str] = &[
@@ -485,9 +467,9 @@ mod tests {
 
     #[test]
     fn every_option_is_a_scenes_or_the_users() {
-        for (stage, keys) in stages() {
-            let has = |key: &config::SceneKey| stage.get_arguments().any(|arg| arg.get_long() == Some(key.name));
-            assert!(keys.iter().all(has), "one of these is not an option of its stage: {keys:?}");
+        for Field { options, scene_keys, .. } in fields() {
+            let has = |key: &config::SceneKey| options.get_arguments().any(|arg| arg.get_long() == Some(key.name));
+            assert!(scene_keys.iter().all(has), "one of these is not an option of its stage: {scene_keys:?}");
         }
         let known = known_flags();
         let (scene, user): (Vec<_>, Vec<_>) = known.iter().partition(|flag| flag.scene.is_some());
@@ -495,8 +477,7 @@ mod tests {
         user.sort_unstable();
         user.dedup();
         assert_eq!(user, USER_ONLY, "may a scene from a stranger set it?");
-        let listed: usize = stages().iter().map(|(_, keys)| keys.len()).sum();
-        assert_eq!((scene.len(), pipeline::scene_keys().len()), (listed, listed), "every stage's list counts once");
+        assert_eq!(scene.len(), pipeline::scene_keys().len(), "every key is listed once");
     }
 
     /// The options that a run leaves in its work folder for later commands. Those that no scene may set are the preset,

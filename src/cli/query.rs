@@ -8,6 +8,8 @@ use crate::error::UsageError;
 use crate::pipeline::Stage;
 use crate::pipeline::picture::Picture;
 use crate::pipeline::query_session::{Pruned, QuerySession};
+use crate::pipeline::stages::asked::AskedAbout;
+use crate::pipeline::stages::query::session;
 use crate::query::QueryError;
 use crate::query::exchange::{BadLine, Imported};
 use crate::words::output::one_line;
@@ -45,7 +47,10 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
         Some(action) if !args.scene.work.dry_run => {
             let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, (Stage::Consensus, true))?;
             pipeline.run()?;
-            run(global, &pipeline.query_session()?, &action, &format!("gprop run {}", shown(&args.scene.scene)))
+            let open = pipeline.opened();
+            let about = AskedAbout::of(open)?;
+            let session = session(open, &about, &open.options.query)?;
+            run(global, &session, &action, &format!("gprop run {}", shown(&args.scene.scene)))
         }
         _ => scene::run(global, &args.scene.scene, &args.scene.work, Stage::Query),
     }

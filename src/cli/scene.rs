@@ -9,7 +9,7 @@ use crate::config;
 use crate::consensus::Asked;
 use crate::error::UsageError;
 use crate::film;
-use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage};
+use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage, export, is_untouched, show, stages};
 use crate::query::Preview;
 use crate::report;
 use crate::workdir::{self, Artifact};
@@ -43,18 +43,18 @@ pub fn check_without_simulation(to: Stage) -> Result<(), UsageError> {
 }
 
 fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> anyhow::Result<()> {
-    if work.dry_run && Pipeline::is_untouched(folder, work.out.as_deref(), &work.options)? {
+    if work.dry_run && is_untouched(folder, work.out.as_deref(), &work.options)? {
         let stages: Vec<Stage> =
             plan(work, to)?.stages().filter(|stage| simulates || *stage != Stage::Simulate).collect();
         return dry_run(global, (to, &stages), &[], None);
     }
     let mut pipeline = open(global, folder, work, (to, simulates))?;
     if work.dry_run {
-        let reusable = pipeline.reusable()?;
+        let reusable = pipeline.planned().reusable(pipeline.opened())?;
         // The questions are known only once the parts are.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Consensus) && !reusable.contains(&Stage::Query);
-        let queries = if asked { Some(pipeline.query_preview()?) } else { None };
-        let stages: Vec<Stage> = pipeline.stages().collect();
+        let queries = if asked { Some(stages::query::preview(pipeline.opened())?) } else { None };
+        let stages: Vec<Stage> = pipeline.planned().stages().collect();
         return dry_run(global, (to, &stages), &reusable, queries.as_ref());
     }
     pipeline.run()?;
@@ -63,9 +63,9 @@ fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulat
     }
     if to == Stage::Report {
         let report = pipeline.report()?;
-        return print(global, &report, || report::summary(&report, &pipeline.work().path(Artifact::ReportHtml)));
+        return print(global, &report, || report::summary(&report, &pipeline.opened().work.path(Artifact::ReportHtml)));
     }
-    let artifact = found::result_of(to);
+    let artifact = to.row().result;
     if global.json {
         return print(global, &json_of(&mut pipeline, artifact)?, String::new);
     }
@@ -102,12 +102,12 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
     }
     let mut pipeline = open(global, &args.scene, &args.work, (needed, true))?;
     pipeline.run()?;
-    let view = args.view.as_deref();
+    let (open, view) = (pipeline.opened(), args.view.as_deref());
     let bytes = match (args.what, film) {
-        (What::Field(shown), Some(format)) => pipeline.turntable(shown, format)?,
-        (What::Field(shown), None) => pipeline.show(shown, view)?,
-        (What::Vote, _) => pipeline.show_vote(view)?,
-        (What::Levels, _) => pipeline.show_levels(view)?,
+        (What::Field(shown), Some(format)) => show::turntable(open, shown, format)?,
+        (What::Field(shown), None) => show::field(open, shown, view)?,
+        (What::Vote, _) => show::vote(open, view)?,
+        (What::Levels, _) => show::levels(open, view)?,
     };
     workdir::write_atomic(&args.to, |out| out.write_all(&bytes))
         .map_err(|error| UsageError(format!("cannot write {:?}: {error}", args.to)))?;
@@ -120,7 +120,7 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
     let work = args.work.as_deref();
     let mut pipeline = open_with(global, &args.scene, work, &args.options, (plan, true))?;
     pipeline.run()?;
-    let files = pipeline.export(&args.format, &args.out)?;
+    let files = export::export(&mut pipeline, &args.format, &args.out)?;
     let paths: Vec<_> = files.iter().map(|file| config::in_json(file)).collect();
     print(global, &paths, || files.iter().map(|file| shown(file) + "\n").collect())
 }
@@ -152,7 +152,7 @@ fn open_with(
     let effective = global.flags.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
     let effective = effective.filter(|flag| !flag.starts_with("--lmm-url=")).collect();
     let command_line = CommandLine { effective, typed: global.flags.recorded.clone(), once: global.flags.once };
-    Ok(builder.open()?.of_command_line(command_line))
+    Ok(builder.command_line(command_line).open()?)
 }
 
 fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {
@@ -200,9 +200,9 @@ fn dry_run(
 /// is asked about segments.
 fn json_of(pipeline: &mut Pipeline, artifact: Artifact) -> anyhow::Result<Value> {
     Ok(match artifact {
-        Artifact::FoundParts if pipeline.options().consensus.ask == Asked::Segments => Value::Null,
+        Artifact::FoundParts if pipeline.opened().options.consensus.ask == Asked::Segments => Value::Null,
         Artifact::Answers => serde_json::to_value(&pipeline.answers()?.segments)?,
-        Artifact::Field => pipeline.work().read_json(Artifact::Labels)?,
-        other => pipeline.work().read_json(other)?,
+        Artifact::Field => pipeline.opened().work.read_json(Artifact::Labels)?,
+        other => pipeline.opened().work.read_json(other)?,
     })
 }

@@ -24,7 +24,7 @@ pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
             }
             let mut pipeline = scene::open(global, folder, &args.work, (Stage::Vote, true))?;
             pipeline.run()?;
-            pipeline.run_compat(config.as_deref())?
+            compat::run_on_field(pipeline.opened(), config.as_deref())?
         }
         (Some(Compat::PhysGaussian), Some(_)) if args.work.dry_run => {
             let problem =

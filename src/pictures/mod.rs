@@ -23,6 +23,7 @@ pub mod turntable;
 use std::collections::BTreeMap;
 
 use image::codecs::jpeg::JpegEncoder;
+use image::codecs::png::PngEncoder;
 use image::{ImageResult, Rgb, RgbImage};
 
 use crate::scene::Photo;
@@ -79,5 +80,15 @@ pub fn jpeg(picture: &RgbImage, longest_side: u32) -> ImageResult<Vec<u8>> {
     });
     let mut bytes = Vec::new();
     fitted.as_ref().unwrap_or(picture).write_with_encoder(JpegEncoder::new_with_quality(&mut bytes, QUALITY))?;
+    Ok(bytes)
+}
+
+/// A picture as PNG.
+///
+/// # Errors
+/// If the picture cannot be encoded.
+pub fn png(picture: &RgbImage) -> ImageResult<Vec<u8>> {
+    let mut bytes = Vec::new();
+    picture.write_with_encoder(PngEncoder::new(&mut bytes))?;
     Ok(bytes)
 }

@@ -4,9 +4,10 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 
-use super::{Options, Pipeline, Plan, Stage, work_folder};
+use super::run::{CommandLine, Run};
+use super::stages::{OpenScene, Stage, Tools};
+use super::{Options, Pipeline, Plan, work_folder};
 use crate::error::Error;
-use crate::grasp::gripper::GripperProfile;
 use crate::words::progress::Progress;
 use crate::workdir::{self, WorkDir};
 
@@ -18,6 +19,7 @@ pub struct Builder {
     options: Option<Options>,
     plan: Plan,
     simulates: bool,
+    command_line: CommandLine,
     progress: Progress,
 }
 
@@ -29,6 +31,7 @@ impl Builder {
             options: None,
             plan: Plan { to: Stage::Report, from: None },
             simulates: true,
+            command_line: CommandLine::default(),
             progress: Progress::Hidden,
         }
     }
@@ -54,6 +57,11 @@ impl Builder {
         Self { simulates: false, ..self }
     }
 
+    /// The flags that stand for the options.
+    pub(crate) fn command_line(self, command_line: CommandLine) -> Self {
+        Self { command_line, ..self }
+    }
+
     /// The progress shown on stderr while stages run; by default only warnings, which go to `tracing`.
     pub fn progress(self, progress: Progress) -> Self {
         Self { progress, ..self }
@@ -68,18 +76,29 @@ impl Builder {
             Some(options) => options,
             None => Options::of_scene(&self.folder)?,
         };
-        let opened = Self::load(&self.folder, self.out.as_deref(), options, self.plan, self.progress);
-        let opened = opened.map(|pipeline| Pipeline { simulates: self.simulates, ..pipeline });
-        opened.map_err(Error)
+        let open = load(&self.folder, self.out.as_deref(), options, self.progress).map_err(Error)?;
+        let run = Run::new(&open, self.plan, self.simulates, self.command_line);
+        Ok(Pipeline { open, run })
     }
+}
 
-    fn load(folder: &Path, out: Option<&Path>, options: Options, plan: Plan, progress: Progress) -> Result<Pipeline> {
-        options.check()?;
-        let scene = crate::scene::load(folder, &options.scene)?;
-        let library = options.materials.library()?;
-        let gripper = GripperProfile::load(&options.grasp.gripper)?;
-        crate::simulate::script_of(&options.simulate)?;
-        let root = workdir::named_or(out, work_folder(folder, None))?;
-        Pipeline::within(folder, WorkDir::open(&root)?, scene, (library, gripper), options, plan, progress)
+fn load(folder: &Path, out: Option<&Path>, options: Options, progress: Progress) -> Result<OpenScene> {
+    options.check()?;
+    let scene = crate::scene::load(folder, &options.scene)?;
+    let tools = Tools::load(&options)?;
+    crate::simulate::script_of(&options.simulate)?;
+    let root = workdir::named_or(out, work_folder(folder, None))?;
+    OpenScene::new(folder, WorkDir::open(&root)?, scene, tools, options, progress)
+}
+
+/// True if nothing has been done in the work folder yet; does not create one.
+///
+/// # Errors
+/// If the scene cannot be read or the options do not fit it.
+pub fn is_untouched(folder: &Path, out: Option<&Path>, options: &Options) -> Result<bool> {
+    if work_folder(folder, out).exists() {
+        return Ok(false);
     }
+    crate::scene::load(folder, &options.scene)?;
+    Ok(true)
 }

@@ -18,8 +18,9 @@ use crate::simulate::states;
 use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, WorkDir};
 
-use super::Pipeline;
-use super::simulate::{NOT_KEPT, remove_frames_from};
+use super::stages::OpenScene;
+use super::stages::simulate::{NOT_KEPT, remove_frames_from};
+use crate::vote::MaterialField;
 
 /// Folder in the work folder for such a run.
 const FOLDER: &str = "physgaussian";
@@ -40,19 +41,17 @@ pub fn run(
     carry_out(&gaussians(scene, options)?, &config, None, out, progress)
 }
 
-impl Pipeline {
-    /// Like [`run()`], but every Gaussian has the material that the field gives it; without `config`, the configuration
-    /// is the one that the export writes. The scene must be voted on.
-    pub(crate) fn run_compat(&self, config: Option<&Path>) -> Result<(CompatReport, PathBuf)> {
-        let (field, options) = (self.stored_field()?, &self.options.simulate);
-        let most_pa = options.max_stiffness.unwrap_or(SOFT_PA);
-        let estimated = Estimated::new(&field.part_label, &field.labels, options.soften, most_pa);
-        let config = match config {
-            Some(path) => configuration(path)?,
-            None => Config::from_map(estimated.configuration(estimated.main()))?,
-        };
-        carry_out(&self.scene.gaussians, &config, Some(&estimated), self.work.root(), self.progress)
-    }
+/// Like [`run()`], but every Gaussian has the material that the field gives it; without `config`, the configuration is
+/// the one that the export writes. The scene must be voted on.
+pub fn run_on_field(open: &OpenScene, config: Option<&Path>) -> Result<(CompatReport, PathBuf)> {
+    let (field, options) = (open.get::<MaterialField>()?, &open.options.simulate);
+    let most_pa = options.max_stiffness.unwrap_or(SOFT_PA);
+    let estimated = Estimated::new(&field.part_label, &field.labels, options.soften, most_pa);
+    let config = match config {
+        Some(path) => configuration(path)?,
+        None => Config::from_map(estimated.configuration(estimated.main()))?,
+    };
+    carry_out(&open.scene.gaussians, &config, Some(&estimated), open.work.root(), open.progress)
 }
 
 fn configuration(path: &Path) -> Result<Config> {

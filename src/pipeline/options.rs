@@ -130,40 +130,36 @@ impl Preset {
     }
 }
 
-/// The keys of all stages' options that a scene's `gprop.toml` may set. Every other option is only for the user to set.
-pub fn scene_keys() -> Vec<SceneKey> {
-    let stages = [
-        crate::scene::SCENE_KEYS,
-        crate::segment::SCENE_KEYS,
-        crate::consensus::SCENE_KEYS,
-        crate::setup::SCENE_KEYS,
-        crate::query::SCENE_KEYS,
-        crate::materials::SCENE_KEYS,
-        crate::vote::SCENE_KEYS,
-        crate::parts::SCENE_KEYS,
-        crate::simulate::SCENE_KEYS,
-        crate::grasp::SCENE_KEYS,
-    ];
-    stages.concat()
+/// A field of [`Options`]: the options of a stage, or those that several share.
+pub(crate) struct Field {
+    pub name: &'static str,
+    pub options: clap::Command,
+    /// The keys that a scene's `gprop.toml` may set. Every other option is only for the user to set.
+    pub scene_keys: &'static [SceneKey],
 }
 
-/// The options of each stage, by the name of their field in [`Options`].
-fn fields() -> [(&'static str, clap::Command); 10] {
-    fn field<T: Args>(name: &'static str) -> (&'static str, clap::Command) {
-        (name, T::augment_args(clap::Command::new(name)))
+/// The fields of [`Options`].
+pub(crate) fn fields() -> [Field; 10] {
+    fn field<T: Args>(name: &'static str, scene_keys: &'static [SceneKey]) -> Field {
+        Field { name, options: T::augment_args(clap::Command::new(name)), scene_keys }
     }
     [
-        field::<crate::scene::Options>("scene"),
-        field::<crate::segment::Options>("segment"),
-        field::<crate::consensus::Options>("consensus"),
-        field::<crate::setup::Options>("setup"),
-        field::<crate::query::Options>("query"),
-        field::<crate::materials::Options>("materials"),
-        field::<crate::vote::Options>("vote"),
-        field::<crate::parts::Options>("parts"),
-        field::<crate::simulate::Options>("simulate"),
-        field::<crate::grasp::Options>("grasp"),
+        field::<crate::scene::Options>("scene", crate::scene::SCENE_KEYS),
+        field::<crate::segment::Options>("segment", crate::segment::SCENE_KEYS),
+        field::<crate::consensus::Options>("consensus", crate::consensus::SCENE_KEYS),
+        field::<crate::setup::Options>("setup", crate::setup::SCENE_KEYS),
+        field::<crate::query::Options>("query", crate::query::SCENE_KEYS),
+        field::<crate::materials::Options>("materials", crate::materials::SCENE_KEYS),
+        field::<crate::vote::Options>("vote", crate::vote::SCENE_KEYS),
+        field::<crate::parts::Options>("parts", crate::parts::SCENE_KEYS),
+        field::<crate::simulate::Options>("simulate", crate::simulate::SCENE_KEYS),
+        field::<crate::grasp::Options>("grasp", crate::grasp::SCENE_KEYS),
     ]
+}
+
+/// The keys of all stages' options that a scene's `gprop.toml` may set.
+pub fn scene_keys() -> Vec<SceneKey> {
+    fields().iter().flat_map(|field| field.scene_keys).copied().collect()
 }
 
 /// The one flag, besides those of the stages, that a configuration file may set.
@@ -176,8 +172,8 @@ pub fn known_flags() -> Vec<config::Flag> {
     let (scene_keys, fields) = (scene_keys(), fields());
     // The preset has options of several stages; it is stored with those of the first one, which every run does.
     let field_of = |name: &str| {
-        let has = |options: &clap::Command| options.get_arguments().any(|option| option.get_long() == Some(name));
-        fields.iter().find(|(_, options)| has(options)).map_or("scene", |(field, _)| field)
+        let has = |field: &&Field| field.options.get_arguments().any(|option| option.get_long() == Some(name));
+        fields.iter().find(has).map_or("scene", |field| field.name)
     };
     let flag = |argument: &clap::Arg| {
         let name = argument.get_long()?.to_owned();

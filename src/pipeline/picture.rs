@@ -9,7 +9,7 @@ use tracing::info;
 
 use crate::error::UsageError;
 use crate::materials::MaterialLibrary;
-use crate::pictures::material_map;
+use crate::pictures::{material_map, png};
 use crate::query::Answers;
 use crate::query::ask::rounds::Subject;
 use crate::query::question::About;
@@ -18,15 +18,14 @@ use crate::segment::{self, LabelMap, SegmentError, ViewSegments, segment_views};
 use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
-use super::query::write_sheets;
-use super::query_session::{QuerySession, QueryView, Subjects, check_recordings};
-use super::record::Hasher;
-use super::scene::file_digest;
-use super::segment::{
+use super::hasher::Hasher;
+use super::options::Options;
+use super::query_session::{QuerySession, QueryView, Subjects, check_recordings, write_sheets};
+use super::segment_files::{
     SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, remove_other_formats, shows_only,
     stored_segments, write_other_formats,
 };
-use super::{Options, png};
+use super::stages::scene::file_digest;
 
 /// A picture being segmented and queried.
 pub struct Picture {

@@ -27,7 +27,7 @@ use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
 use crate::setup::Offline;
 use crate::words::progress::{self, Progress};
-use crate::workdir::{self, WorkDir};
+use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
 /// Recordings are stored beside their scene or picture, so that they are copied together with it.
 const RECORDINGS: &str = "recorded";
@@ -285,6 +285,16 @@ impl<'a> QuerySession<'a> {
     pub(super) fn price(&self) -> Option<&Price> {
         self.price.as_ref()
     }
+}
+
+/// Writes the sheet of every question.
+pub fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), WorkDirError> {
+    let object = queries.size.map(|size| &size.shown);
+    queries
+        .segments
+        .iter()
+        .chain(object)
+        .try_for_each(|segment| work.write(Artifact::Sheet(&segment.view, segment.segment), &segment.jpeg))
 }
 
 /// Refuses recordings beside the scene or picture in `home`, or in the work folder, that lead outside `scope`. A folder

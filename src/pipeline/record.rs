@@ -1,16 +1,16 @@
 //! `run.json`: which stages were done with which inputs, so that a rerun knows what it can reuse.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
-use sha2::{Digest, Sha256};
 
-use crate::workdir::{self, Artifact, Checksum, FORMAT_VERSION, Standing, WorkDir, WorkDirError, hexadecimal};
+use crate::workdir::{self, Artifact, Standing, WorkDir, WorkDirError};
 
-use super::{Plan, Stage};
+use super::hasher::version;
+use super::plan::Plan;
+use super::stages::{Stage, StageRecord};
 
 /// Flags of a command line, by the field of [`Options`](super::Options) to which they belong.
 pub type FieldFlags = BTreeMap<String, Vec<String>>;
@@ -29,36 +29,6 @@ pub struct RunRecord {
     pub flags: FieldFlags,
     /// The finished stages, in the order of the data flow.
     pub stages: Vec<StageRecord>,
-}
-
-/// One finished stage.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct StageRecord {
-    pub name: Stage,
-    /// How long the stage took when it was last done.
-    pub seconds: f64,
-    /// True if the last run found it already done.
-    pub reused: bool,
-    pub warnings: Vec<String>,
-    #[serde(default)]
-    pub notes: Vec<String>,
-    /// Hash of everything it depends on: its options and the digests of its inputs.
-    pub key: String,
-    /// The digests of its inputs when it was done.
-    pub inputs: Vec<(Stage, String)>,
-    /// Hash of its results, on which the stages after it depend.
-    pub digest: String,
-    /// The files it wrote.
-    pub outputs: Vec<Output>,
-}
-
-/// A file that a stage wrote.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Output {
-    /// Relative to the work folder.
-    pub path: PathBuf,
-    #[serde(flatten)]
-    pub checksum: Checksum,
 }
 
 /// The results of a stage that an earlier run left.
@@ -114,14 +84,14 @@ impl RunRecord {
 
     /// Stores the options of a stage that has just been done; `all` has the options of all stages.
     pub fn keep_options(&mut self, stage: Stage, all: &Value) {
-        for field in stage.stored_fields() {
+        for field in stage.row().options {
             self.options.insert((*field).to_owned(), all[*field].clone());
         }
     }
 
     /// Stores the flags that were typed for the options of a stage; `all` has the flags of all stages.
     pub fn keep_flags(&mut self, stage: Stage, all: &FieldFlags) {
-        for field in stage.stored_fields() {
+        for field in stage.row().options {
             match all.get(*field) {
                 Some(typed) => self.flags.insert((*field).to_owned(), typed.clone()),
                 None => self.flags.remove(*field),
@@ -163,48 +133,6 @@ pub fn flags_of_last_run(root: &Path, plan: Plan) -> Vec<String> {
         return Vec::new();
     }
     let Typed { mut flags } = workdir::read_json(&path).unwrap_or_default();
-    let fields = plan.stages().flat_map(Stage::stored_fields);
+    let fields = plan.stages().flat_map(|stage| stage.row().options);
     fields.flat_map(|field| flags.remove(*field).unwrap_or_default()).collect()
-}
-
-impl StageRecord {
-    /// Its files, and for each whether it is still as written.
-    pub fn standing(&self, work: &WorkDir) -> Vec<(&Path, Standing)> {
-        let of = |output: &Output| work.standing(&output.path, &output.checksum);
-        self.outputs.par_iter().map(|output| (output.path.as_path(), of(output))).collect()
-    }
-}
-
-/// gprop's version with the format of its artifacts.
-pub fn version() -> String {
-    format!("{}+format.{FORMAT_VERSION}", env!("CARGO_PKG_VERSION"))
-}
-
-/// SHA-256 over labelled pieces, each with its length, so that no two lists of pieces hash the same bytes.
-#[derive(Clone)]
-pub struct Hasher(Sha256);
-
-impl Hasher {
-    /// A hash that begins with gprop's version and format.
-    pub fn new(what: &str) -> Self {
-        Self(Sha256::new()).with(version().as_bytes()).with(what.as_bytes())
-    }
-
-    /// Adds bytes.
-    pub fn with(mut self, bytes: &[u8]) -> Self {
-        self.0.update((bytes.len() as u64).to_le_bytes());
-        self.0.update(bytes);
-        self
-    }
-
-    /// Adds a value as its JSON.
-    pub fn with_json(self, value: &impl Serialize) -> Self {
-        let json = serde_json::to_vec(value).expect("options and results are plain data");
-        self.with(&json)
-    }
-
-    /// The hash in lower-case hexadecimal.
-    pub fn hex(self) -> String {
-        hexadecimal(&self.0.finalize())
-    }
 }

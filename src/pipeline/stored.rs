@@ -11,22 +11,22 @@ use serde::de::DeserializeOwned;
 
 use crate::config;
 use crate::gaussians::Gaussians;
-use crate::grasp::gripper::GripperProfile;
 use crate::parts::Parts;
 use crate::query::LabelSet;
 use crate::scene::object::outliers;
-use crate::scene::{ScaleChoice, SceneError, View};
-use crate::segment::ViewSegments;
+use crate::scene::{ScaleChoice, SceneError};
 use crate::setup;
 use crate::units::MetricScale;
 use crate::vote::MaterialField;
 use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, Standing, WorkDir, WorkDirError};
 
-use super::parts::scale_after_weighing;
-use super::record::{RunRecord, version};
-use super::vote::stored_field;
-use super::{Options, Pipeline, Plan, Stage, work_folder};
+use super::hasher::version;
+use super::record::RunRecord;
+use super::stages::parts::scale_after_weighing;
+use super::stages::vote::stored_field;
+use super::stages::{self, OpenScene, Stage, Tools};
+use super::{Options, Plan, work_folder};
 
 /// The work folder of a scene in which some stages are completely done.
 pub struct Stored {
@@ -96,8 +96,8 @@ impl Stored {
     /// If the files are not what gprop wrote.
     pub fn found_scale(&self) -> Result<Option<MetricScale>> {
         let known = match self.field_of_options::<crate::scene::Options>("scene")?.scale {
-            ScaleChoice::Estimate => super::query::estimated_scale(&self.work)?,
-            _ => super::scene::stored_scale(&self.work)?,
+            ScaleChoice::Estimate => stages::query::estimated_scale(&self.work)?,
+            _ => stages::scene::stored_scale(&self.work)?,
         };
         let parts = self.work.read_json::<Parts>(Artifact::Parts).ok();
         Ok(scale_after_weighing(known, parts.filter(|parts| parts.known_mass.is_some()).as_ref()))
@@ -147,7 +147,7 @@ enum NotDone {
 /// Fails with the reason unless `stage` is done, and was done after those that it reads from.
 fn require_done(stage: Stage, record: &RunRecord) -> Result<(), NotDone> {
     let done = record.of(stage).ok_or(NotDone::Never(stage))?;
-    for input in stage.inputs() {
+    for input in stage.row().inputs {
         require_done(*input, record)?;
         let now = record.of(*input).map(|input| &input.digest);
         let then = done.inputs.iter().find(|(name, _)| name == input).map(|(_, digest)| digest);
@@ -194,48 +194,30 @@ fn is_within(path: &Path, folder: &Path) -> bool {
     matches!((path.canonicalize(), folder.canonicalize()), (Ok(path), Ok(folder)) if path.starts_with(&folder))
 }
 
-impl Pipeline {
-    /// Opens the results of a run on the scene in `folder` (in `out` if given), to read those of `last`, at most the
-    /// vote, and of the stages that it needs, with the options of the run. Files of the scene that lie outside its folder
-    /// are read only from the folders in `allow_read`. Changes nothing on disk.
-    ///
-    /// # Errors
-    /// As for [`Stored::open`]; also if the scene's files have changed since, or the scene cannot be loaded.
-    pub(crate) fn stored(
-        folder: &Path,
-        out: Option<&Path>,
-        allow_read: &[PathBuf],
-        last: Stage,
-        progress: Progress,
-    ) -> Result<Self> {
-        let plan = Plan { to: last, from: None };
-        let stored = Stored::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
-        let options = stored.options(folder, out.is_some(), allow_read)?;
-        let scene = crate::scene::load(folder, &options.scene).map_err(SceneError::without_flag)?;
-        let library = options.materials.library()?;
-        let gripper = GripperProfile::load(&options.grasp.gripper)?;
-        let Stored { work, command, .. } = stored;
-        let mut pipeline = Self::within(folder, work, scene, (library, gripper), options, plan, progress)?;
-        let key = pipeline.scene_key()?;
-        if pipeline.record.of(Stage::Scene).is_none_or(|done| done.key != key) {
-            let (path, problem) =
-                (pipeline.work.root().to_owned(), "the scene's files have changed since that run".to_owned());
-            return Err(WorkDirError::Unfinished { path, problem, command }.into());
-        }
-        pipeline.recall_scale()?;
-        if last >= Stage::Query {
-            pipeline.recall_estimated_scale()?;
-        }
-        Ok(pipeline)
+/// Opens the results of a run on the scene in `folder` (in `out` if given), to read those of `last`, at most the vote,
+/// and of the stages that it needs, with the options of the run. Files of the scene that lie outside its folder are read
+/// only from the folders in `allow_read`. Changes nothing on disk.
+///
+/// # Errors
+/// As for [`Stored::open`]; also if the scene's files have changed since, or the scene cannot be loaded.
+pub fn open(
+    folder: &Path,
+    out: Option<&Path>,
+    allow_read: &[PathBuf],
+    last: Stage,
+    progress: Progress,
+) -> Result<OpenScene> {
+    let plan = Plan { to: last, from: None };
+    let stored = Stored::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
+    let options = stored.options(folder, out.is_some(), allow_read)?;
+    let scene = crate::scene::load(folder, &options.scene).map_err(SceneError::without_flag)?;
+    let tools = Tools::load(&options)?;
+    let Stored { work, record, command } = stored;
+    let open = OpenScene::new(folder, work, scene, tools, options, progress)?;
+    let key = stages::scene::key(&open)?;
+    if record.of(Stage::Scene).is_none_or(|done| done.key != key) {
+        let (path, problem) = (open.work.root().to_owned(), "the scene's files have changed since that run".to_owned());
+        return Err(WorkDirError::Unfinished { path, problem, command }.into());
     }
-
-    /// The options of the run.
-    pub(crate) fn options(&self) -> &Options {
-        &self.options
-    }
-
-    /// The views that vote, each with its segments.
-    pub(crate) fn segmented_views(&self) -> Result<impl Iterator<Item = (&View, &ViewSegments)>> {
-        Ok(self.views.iter().zip(&self.segmentation()?.views))
-    }
+    Ok(open)
 }

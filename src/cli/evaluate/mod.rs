@@ -27,8 +27,8 @@ use crate::files;
 use crate::files::npz::Npz;
 use crate::files::read_scope::ReadScope;
 use crate::from_splat::photo_with_foreground;
-use crate::pipeline::stored::Stored;
-use crate::pipeline::{self, Pipeline, Stage, open_segmenter};
+use crate::pipeline::stored::{self, Stored};
+use crate::pipeline::{self, Stage, open_segmenter};
 use crate::scene::{self, SceneError, dataset};
 use crate::segment;
 use crate::setup;
@@ -102,10 +102,10 @@ fn shown_parts(
     if !scene.join(TRUE_MAPS).exists() {
         return Ok(BTreeMap::new());
     }
-    let pipeline = Pipeline::stored(scene, out, allow_read, Stage::Vote, global.progress())?;
+    let open = stored::open(scene, out, allow_read, Stage::Vote, global.progress())?;
     let (gaussians, field) = Stored::open(scene, out, &[Stage::Vote])?.field()?;
-    let mapped = pipeline.scene().views.iter().filter(|view| true_map(scene, view).exists());
-    let views = mapped.map(|view| true_view(scene, view, &pipeline.options().scene, false));
+    let mapped = open.scene.views.iter().filter(|view| true_map(scene, view).exists());
+    let views = mapped.map(|view| true_view(scene, view, &open.options.scene, false));
     let part_ids: Vec<u32> = field.part_ids().collect();
     Ok(most_shown(&gaussians, &part_ids, &views.collect::<anyhow::Result<Vec<_>>>()?))
 }

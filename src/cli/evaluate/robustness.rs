@@ -10,8 +10,9 @@ use crate::error::UsageError;
 use crate::evaluate::parts::{NO_PART, TrueView};
 use crate::evaluate::robustness::{Robustness, VotingView, measure, text};
 use crate::from_splat::photo_with_foreground;
-use crate::pipeline::{Pipeline, Stage};
+use crate::pipeline::{OpenScene, Stage, stored};
 use crate::scene::View;
+use crate::segment::Segmentation;
 
 use super::super::{Global, print};
 use super::{one_scene_only, true_map, true_parts, true_view};
@@ -26,17 +27,17 @@ pub fn evaluate(
     one_scene_only(scenes.len(), out)?;
     let mut measured: Vec<Robustness> = Vec::with_capacity(scenes.len());
     for folder in scenes {
-        let pipeline = Pipeline::stored(folder, out, allow_read, Stage::Vote, global.progress())?;
-        measured.push(of_scene(folder, &pipeline, few)?);
+        let open = stored::open(folder, out, allow_read, Stage::Vote, global.progress())?;
+        measured.push(of_scene(folder, &open, few)?);
         global.progress().line(&format!("{folder:?} done"));
     }
     print(global, &measured, || text(&measured))
 }
 
-fn of_scene(folder: &Path, pipeline: &Pipeline, few: NonZeroUsize) -> anyhow::Result<Robustness> {
-    let (scene, options) = (pipeline.scene(), pipeline.options());
+fn of_scene(folder: &Path, open: &OpenScene, few: NonZeroUsize) -> anyhow::Result<Robustness> {
+    let (scene, options) = (&open.scene, &open.options);
     let parts = |view: &View| true_parts(folder, view, &options.scene);
-    let others = scene.views.iter().filter(|view| !pipeline.votes(&view.name) && true_map(folder, view).exists());
+    let others = scene.views.iter().filter(|view| !open.votes(&view.name) && true_map(folder, view).exists());
     let compared = others.map(|view| true_view(folder, view, &options.scene, false));
     let compared: Vec<TrueView> = compared.collect::<anyhow::Result<_>>()?;
     if compared.is_empty() {
@@ -52,7 +53,8 @@ fn of_scene(folder: &Path, pipeline: &Pipeline, few: NonZeroUsize) -> anyhow::Re
     if compared.iter().all(|view| shows_no_part(&view.parts)) {
         return Err(no_part("do not vote").into());
     }
-    let voting = pipeline.segmented_views()?.map(|(view, segments)| {
+    let segmentation = open.get::<Segmentation>()?;
+    let voting = open.views.iter().zip(&segmentation.views).map(|(view, segments)| {
         Ok(VotingView {
             name: &view.name,
             camera: &view.camera,

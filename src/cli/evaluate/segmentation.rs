@@ -9,7 +9,8 @@ use crate::evaluate::label_maps::LabelMaps;
 use crate::evaluate::segmentation::{LabelledView, NamedField, ObjectTallies, SegmentationEvaluation, tallies};
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::materials::MaterialLibrary;
-use crate::pipeline::{Pipeline, Stage};
+use crate::pipeline::variants::variants;
+use crate::pipeline::{OpenScene, Stage, stored};
 
 use super::super::{Global, print};
 use super::{check_truth, one_scene_only};
@@ -22,24 +23,24 @@ pub fn evaluate(
     allow_read: &[PathBuf],
 ) -> anyhow::Result<()> {
     one_scene_only(scenes.len(), out)?;
-    let pipelines = scenes.iter().map(|scene| Pipeline::stored(scene, out, allow_read, Stage::Vote, global.progress()));
-    let pipelines: Vec<Pipeline> = pipelines.collect::<anyhow::Result<_>>()?;
-    require_distinct_names(&pipelines)?;
-    let objects = pipelines.iter().zip(scenes).map(|(pipeline, scene)| {
-        let maps = folder_of(truth, scene, &pipeline.scene().name, scenes.len());
+    let opened = scenes.iter().map(|scene| stored::open(scene, out, allow_read, Stage::Vote, global.progress()));
+    let opened: Vec<OpenScene> = opened.collect::<anyhow::Result<_>>()?;
+    require_distinct_names(&opened)?;
+    let objects = opened.iter().zip(scenes).map(|(open, scene)| {
+        let maps = folder_of(truth, scene, &open.scene.name, scenes.len());
         if truth.is_relative() && maps == scene.join(truth) {
-            check_truth(&maps, &pipeline.options().scene.read_scope(scene))?;
+            check_truth(&maps, &open.options.scene.read_scope(scene))?;
         }
-        count(pipeline, &maps, labels)
+        count(open, &maps, labels)
     });
     let found = SegmentationEvaluation::of(labels, objects.collect::<anyhow::Result<_>>()?);
     print(global, &found, || found.text())
 }
 
 /// Refuses two scenes of one name, because the table has a row for each name.
-fn require_distinct_names(pipelines: &[Pipeline]) -> Result<(), UsageError> {
+fn require_distinct_names(opened: &[OpenScene]) -> Result<(), UsageError> {
     let mut names = BTreeSet::new();
-    match pipelines.iter().map(|pipeline| &pipeline.scene().name).find(|name| !names.insert(*name)) {
+    match opened.iter().map(|open| &open.scene.name).find(|name| !names.insert(*name)) {
         Some(name) => {
             Err(UsageError(format!("two scenes have the name {name:?}; give one of the folders another name")))
         }
@@ -58,12 +59,12 @@ fn folder_of(truth: &Path, scene: &Path, name: &str, scenes: usize) -> PathBuf {
     }
 }
 
-fn count<'a>(pipeline: &'a Pipeline, folder: &Path, labels: Vocabulary) -> anyhow::Result<ObjectTallies<'a>> {
-    let library = pipeline.library();
-    let (scene, variants) = (pipeline.scene(), pipeline.variants()?);
-    let views = labelled_views(pipeline, folder, labels, library)?;
+fn count<'a>(open: &'a OpenScene, folder: &Path, labels: Vocabulary) -> anyhow::Result<ObjectTallies<'a>> {
+    let library = &open.library;
+    let (scene, variants) = (&open.scene, variants(open)?);
+    let views = labelled_views(open, folder, labels, library)?;
     let single = variants.single_views.iter().map(|(_, field)| field);
-    let fields = std::iter::once(&variants.voted).chain(&variants.local_only).chain(single);
+    let fields = std::iter::once(&*variants.voted).chain(&variants.local_only).chain(single);
     let fields: Vec<NamedField> =
         fields.map(|field| NamedField { field, names: labels.of_field(field, library) }).collect();
     let mut tallies = tallies(&scene.gaussians, &fields, &views).into_iter();
@@ -78,7 +79,7 @@ fn count<'a>(pipeline: &'a Pipeline, folder: &Path, labels: Vocabulary) -> anyho
 
 /// The labelled views that did not vote; if all labelled views voted, all of them.
 fn labelled_views<'a>(
-    pipeline: &Pipeline,
+    open: &OpenScene,
     folder: &Path,
     labels: Vocabulary,
     library: &'a MaterialLibrary,
@@ -90,11 +91,11 @@ fn labelled_views<'a>(
         hint: unknown.hint,
     })?;
     let (mut voting, mut others) = (Vec::new(), Vec::new());
-    for view in &pipeline.scene().views {
+    for view in &open.scene.views {
         let size = (view.camera.intrinsics.width, view.camera.intrinsics.height);
         let Some(map) = maps.of(&view.name, size)? else { continue };
         let truth = map.labels.iter().map(|value| names.get(value).copied()).collect();
-        let place = if pipeline.votes(&view.name) { &mut voting } else { &mut others };
+        let place = if open.votes(&view.name) { &mut voting } else { &mut others };
         place.push(LabelledView { camera: view.camera.clone(), truth });
     }
     match (others.is_empty(), voting.is_empty()) {
@@ -102,8 +103,8 @@ fn labelled_views<'a>(
         (true, false) => Ok(voting),
         (true, true) => Err(EvaluateError::NoView {
             path: folder.to_owned(),
-            scene: pipeline.scene().name.clone(),
-            example: pipeline.scene().views.first().map_or_else(String::new, |view| view.name.clone()),
+            scene: open.scene.name.clone(),
+            example: open.scene.views.first().map_or_else(String::new, |view| view.name.clone()),
         }),
     }
 }

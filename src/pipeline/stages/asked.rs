@@ -1,0 +1,113 @@
+//! The subjects that the model is asked about and that its answers settle: parts of the object, or segments of each
+//! view.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use anyhow::Result;
+
+use crate::consensus::Asked;
+use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
+use crate::query::question::About;
+use crate::query::{Answers, Outcome, SegmentAnswer};
+use crate::segment::{LabelMap, Segmentation, ViewSegments};
+use crate::vote::AnsweredPart;
+
+use super::OpenScene;
+use super::consensus::{FoundPart, FoundParts, renamed};
+
+/// What the questions are about, with the label maps that show it.
+pub enum AskedAbout {
+    Parts(Arc<FoundParts>),
+    Segments(Arc<Segmentation>),
+}
+
+impl AskedAbout {
+    /// What the options say; the parts must have been found.
+    pub fn of(open: &OpenScene) -> Result<Self> {
+        Ok(match open.options.consensus.ask {
+            Asked::Parts => Self::Parts(open.get()?),
+            Asked::Segments => Self::Segments(open.get()?),
+        })
+    }
+
+    /// The subjects that the model is asked about, and the number of views in which each is asked about first.
+    pub fn subjects(&self, open: &OpenScene) -> (Vec<Subject>, usize) {
+        match self {
+            Self::Parts(found) => (found.subjects(&view_indices(open)), open.options.consensus.ask_views.get()),
+            Self::Segments(segmentation) => {
+                let of_views = segmentation.views.iter().enumerate();
+                // A segment may be covered completely by the segments that lie in it.
+                let is_left = |of: &ViewSegments, id: u16| of.map.labels.contains(&id);
+                let segments = of_views.flat_map(|(view, of)| {
+                    of.segments.iter().filter(move |found| is_left(of, found.id)).map(move |found| (view, found.id))
+                });
+                (segments.map(|(view, id)| Subject::segment(view, id)).collect(), 1)
+            }
+        }
+    }
+
+    /// The same for the text of a question.
+    pub fn about(&self) -> About {
+        match self {
+            Self::Parts(_) => About::Parts,
+            Self::Segments(_) => About::Segments,
+        }
+    }
+
+    /// The label maps whose ids the questions are about, for the view with this number.
+    pub fn maps(&self, view: usize) -> Vec<Cow<'_, LabelMap>> {
+        match self {
+            Self::Parts(found) => vec![Cow::Owned(found.whole_parts(view)), Cow::Borrowed(&found.maps[view])],
+            Self::Segments(segmentation) => vec![Cow::Borrowed(&segmentation.views[view].map)],
+        }
+    }
+
+    /// For every chosen view, the label map whose ids the answers settle: of segments; or of parts, and of the pieces of
+    /// those that consist of several materials.
+    pub fn settled_maps(&self, open: &OpenScene, answers: &Answers) -> Vec<Cow<'_, LabelMap>> {
+        let found = match self {
+            Self::Parts(found) => found,
+            Self::Segments(segmentation) => {
+                return segmentation.views.iter().map(|view| Cow::Borrowed(&view.map)).collect();
+            }
+        };
+        let index = view_indices(open);
+        let target =
+            |answer: &SegmentAnswer| Some(Target { view: *index.get(answer.view.as_str())?, id: answer.segment });
+        let outcomes: Outcomes =
+            answers.segments.iter().filter_map(|answer| Some((target(answer)?, &answer.outcome))).collect();
+        let settled = rounds::settled(&found.subjects(&index), &outcomes);
+        let settled = |id: u16| settled.get(&id).copied().unwrap_or(id);
+        found.maps.iter().map(|map| Cow::Owned(renamed(map, settled))).collect()
+    }
+}
+
+/// The index of each chosen view, by its name.
+fn view_indices(open: &OpenScene) -> BTreeMap<&str, usize> {
+    open.views.iter().map(|view| view.name.as_str()).zip(0..).collect()
+}
+
+impl FoundParts {
+    /// The parts and pieces that have answers, weighed by how many of their pixels each view shows.
+    pub fn answered<'a>(&self, answers: &'a Answers) -> Vec<AnsweredPart<'a>> {
+        let shown = |answer: &SegmentAnswer| {
+            let found = self.parts.iter().find(|found| found.part.id == answer.segment)?;
+            Some(found.views.iter().find(|shown| shown.view == answer.view)?.pixels)
+        };
+        let weighed = |answer: &'a SegmentAnswer| match &answer.outcome {
+            Outcome::Answered(said) => Some((answer.segment, said, f64::from(shown(answer)?))),
+            Outcome::Failed(_) => None,
+        };
+        AnsweredPart::collect(answers.segments.iter().filter_map(weighed))
+    }
+
+    fn subjects(&self, index: &BTreeMap<&str, usize>) -> Vec<Subject> {
+        rounds::subjects(self.parts.iter().map(|FoundPart { part, views, .. }| PartOrPiece {
+            id: part.id,
+            piece_of: part.piece_of,
+            views: views.iter().filter_map(|shown| index.get(shown.view.as_str()).copied()).collect(),
+        }))
+    }
+}

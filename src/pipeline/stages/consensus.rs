@@ -1,0 +1,198 @@
+//! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. None of these are there if
+//! the model is asked about segments.
+
+use anyhow::Result;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::consensus::masks::{PartMasks, part_masks};
+use crate::consensus::{self, Asked, Part, Parts, SegmentedView};
+use crate::files::npz::NpzWriter;
+use crate::scene::View;
+use crate::segment::{LabelMap, Segmentation};
+use crate::words::output::{agreeing, counted};
+use crate::workdir::Artifact;
+
+use super::{Done, Job, OpenScene, Row, Stage, Stored, never};
+
+/// The parts as the stages after them need them.
+pub struct FoundParts {
+    pub parts: Vec<FoundPart>,
+    /// For every chosen view, the id of each pixel's piece, or of its part if that has no pieces.
+    pub maps: Vec<LabelMap>,
+}
+
+/// The content of `consensus.json`.
+#[derive(Serialize, Deserialize)]
+struct PartsFile {
+    parts: Vec<FoundPart>,
+}
+
+/// A part or piece with the views that show it.
+#[derive(Serialize, Deserialize)]
+pub struct FoundPart {
+    #[serde(flatten)]
+    pub part: Part,
+    /// Number of views in which a segment shows it, and of those that see it but have no such segment.
+    backed_by: usize,
+    opposed_by: usize,
+    /// The views that show it, the best ones to ask about it in first.
+    pub views: Vec<ShownIn>,
+}
+
+#[derive(Serialize, Deserialize)]
+pub struct ShownIn {
+    pub view: String,
+    /// Number of pixels that show the part.
+    pub pixels: u32,
+}
+
+pub(super) const ROW: Row = Row {
+    inputs: &[Stage::Scene, Stage::Segment],
+    options: &["consensus"],
+    result: Artifact::FoundParts,
+    key: |open, inputs| Ok(inputs.with_json(&open.options.consensus.ask).hex()),
+    is_stale: never,
+    run,
+};
+
+fn run(open: &OpenScene, _: &Job) -> Result<Done> {
+    remove_parts(open)?;
+    if open.options.consensus.ask == Asked::Segments {
+        return Ok(Done::writing([]));
+    }
+    let Found { parts, masks, file } = find(open, open.get::<Segmentation>()?.as_ref())?;
+    let work = &open.work;
+    work.write_with(Artifact::PartOfGaussian, |out| write_gaussians(out, &parts))?;
+    for (view, masks) in open.views.iter().zip(&masks) {
+        work.write(Artifact::PartMap(&view.name), &masks.map.to_png()?)?;
+    }
+    work.write_json(Artifact::FoundParts, &file)?;
+    let maps = open.views.iter().map(|view| Artifact::PartMap(&view.name));
+    let written = maps.chain([Artifact::FoundParts, Artifact::PartOfGaussian]);
+    Ok(Done::writing(written).warning(warnings(&file.parts)))
+}
+
+/// The parts that the segments of all views show.
+struct Found {
+    parts: Parts,
+    /// Where each view shows them.
+    masks: Vec<PartMasks>,
+    file: PartsFile,
+}
+
+fn find(open: &OpenScene, segmentation: &Segmentation) -> Result<Found> {
+    let gaussians = &open.scene.gaussians;
+    let views = open.views.iter().zip(&segmentation.views);
+    let views: Vec<SegmentedView> =
+        views.map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();
+    let parts = consensus::find(gaussians, &views, open.progress);
+    let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(gaussians, &parts, view)).collect();
+    let sharpness = |view: &View| Ok(consensus::sharpness(&view.photo()?.rgb));
+    let sharpness = open.views.par_iter().map(sharpness).collect::<Result<Vec<_>>>()?;
+    let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();
+    let best = consensus::best_views(gaussians, &parts, &cameras, &masks, &sharpness);
+    let found = parts.parts.iter().zip(best).map(|(part, best)| {
+        let backing = |expected: bool| masks.iter().filter(|masks| masks.backs(part.id) == Some(expected)).count();
+        let shown =
+            |shown: consensus::PartView| ShownIn { view: open.views[shown.view].name.clone(), pixels: shown.pixels };
+        FoundPart {
+            part: part.clone(),
+            backed_by: backing(true),
+            opposed_by: backing(false),
+            views: best.into_iter().map(shown).collect(),
+        }
+    });
+    let file = PartsFile { parts: found.collect() };
+    Ok(Found { parts, masks, file })
+}
+
+/// Removes the parts that an earlier run left, which would be taken for this run's; also in views that are not chosen
+/// now.
+fn remove_parts(open: &OpenScene) -> Result<()> {
+    let maps = open.scene.views.iter().map(|view| Artifact::PartMap(&view.name));
+    for artifact in maps.chain([Artifact::FoundParts, Artifact::PartOfGaussian]) {
+        open.work.remove(artifact)?;
+    }
+    Ok(())
+}
+
+/// The parts; there are none if the model is asked about segments.
+impl Stored for FoundParts {
+    const STAGE: Stage = Stage::Consensus;
+
+    fn load(open: &OpenScene) -> Result<Self> {
+        let work = &open.work;
+        let PartsFile { parts } = work.read_json(Artifact::FoundParts)?;
+        if !are_numbered(&parts) {
+            let problem = "its parts are not numbered from 1 on, or one is a piece of a part that it does not list";
+            return Err(work.damaged(Artifact::FoundParts, problem).into());
+        }
+        let map = |view: &View| {
+            let artifact = Artifact::PartMap(&view.name);
+            let map = LabelMap::from_png(&work.read(artifact)?).map_err(|problem| work.damaged(artifact, problem))?;
+            let is_known = |&id: &u16| usize::from(id) <= parts.len();
+            if !map.labels.iter().all(is_known) {
+                return Err(work.damaged(artifact, "it shows parts that are not in consensus.json").into());
+            }
+            Ok(map)
+        };
+        Ok(Self { maps: open.views.iter().map(map).collect::<Result<_>>()?, parts })
+    }
+}
+
+impl FoundParts {
+    /// The part that an id stands for: the part of a piece, or the part itself; 0 for 0.
+    pub fn part_of(&self, id: u16) -> u16 {
+        usize::from(id).checked_sub(1).map_or(0, |index| self.parts[index].part.piece_of.unwrap_or(id))
+    }
+
+    pub fn whole_parts(&self, view: usize) -> LabelMap {
+        renamed(&self.maps[view], |id| self.part_of(id))
+    }
+}
+
+/// True if the parts are numbered from 1 on, and each piece belongs to one of them.
+fn are_numbered(parts: &[FoundPart]) -> bool {
+    let is_numbered = |(number, FoundPart { part, .. }): (usize, &FoundPart)| {
+        usize::from(part.id) == number && part.piece_of.is_none_or(|of| (1..=parts.len()).contains(&usize::from(of)))
+    };
+    (1..).zip(parts).all(is_numbered)
+}
+
+pub fn renamed(map: &LabelMap, name: impl Fn(u16) -> u16) -> LabelMap {
+    LabelMap { labels: map.labels.iter().map(|&id| name(id)).collect(), ..*map }
+}
+
+/// `part` (the id of the Gaussian's piece or part) and `confidence`, in the order of the splat.
+fn write_gaussians(out: &mut dyn std::io::Write, parts: &Parts) -> std::io::Result<()> {
+    let mut archive = NpzWriter::new(out);
+    let shape = [parts.id_of_gaussian.len() as u64];
+    archive.array("part", &shape, parts.id_of_gaussian.iter().map(|&id| f32::from(id)))?;
+    archive.array("confidence", &shape, parts.confidence.iter().copied())?;
+    archive.finish()
+}
+
+fn warnings(parts: &[FoundPart]) -> Vec<String> {
+    let whole: Vec<&FoundPart> = parts.iter().filter(|found| found.part.piece_of.is_none()).collect();
+    let mut warnings = Vec::new();
+    if let [only] = whole.as_slice()
+        && only.part.light == 0.0
+    {
+        warnings.push(
+            "no view sees any Gaussian: the object counts as one part. Check with `gprop inspect \
+             SCENE` whether cameras and splat belong together"
+                .to_owned(),
+        );
+    }
+    let hidden = whole.iter().filter(|found| found.views.is_empty()).count();
+    if hidden > 0 && warnings.is_empty() {
+        warnings.push(format!(
+            "{hidden} of {} {} hidden or too small in every view and cannot be asked about; {} neighbours' material",
+            counted(whole.len(), "part"),
+            agreeing(hidden, "is", "are"),
+            agreeing(hidden, "it takes its", "they take their"),
+        ));
+    }
+    warnings
+}

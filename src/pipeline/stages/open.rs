@@ -1,0 +1,144 @@
+//! A scene that is open, with everything its stages read.
+
+use std::any::{Any, TypeId};
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+
+use anyhow::Result;
+
+use super::{Stage, Stored, scene};
+use crate::error::UsageError;
+use crate::from_splat::{self, photo_with_foreground};
+use crate::grasp::gripper::GripperProfile;
+use crate::materials::MaterialLibrary;
+use crate::pipeline::options::Options;
+use crate::pipeline::segment_files::check_formats;
+use crate::scene::{Photo, Scene, SceneError, View};
+use crate::words::progress::Progress;
+use crate::workdir::{self, WorkDir};
+
+/// A scene with its options and its work folder, whose lock it holds. Stages only read it.
+pub struct OpenScene {
+    /// The scene's folder.
+    pub folder: PathBuf,
+    pub work: WorkDir,
+    pub options: Options,
+    pub library: Cow<'static, MaterialLibrary>,
+    pub gripper: GripperProfile,
+    pub scene: Scene,
+    /// The chosen views.
+    pub views: Vec<View>,
+    pub progress: Progress,
+    kept: Kept,
+}
+
+/// The tables and profiles that the options name, besides the scene.
+pub struct Tools {
+    pub library: Cow<'static, MaterialLibrary>,
+    pub gripper: GripperProfile,
+}
+
+impl Tools {
+    /// Reads them.
+    ///
+    /// # Errors
+    /// If one of them cannot be read or is not valid.
+    pub fn load(options: &Options) -> Result<Self> {
+        Ok(Self { library: options.materials.library()?, gripper: GripperProfile::load(&options.grasp.gripper)? })
+    }
+}
+
+/// Results that were read from the work folder, by type, each with the stage that made it.
+#[derive(Default)]
+struct Kept(Mutex<Results>);
+
+type Results = BTreeMap<TypeId, (Stage, Arc<dyn Any + Send + Sync>)>;
+
+impl OpenScene {
+    /// The scene in `folder`, with its chosen views; they are rendered if the options say so.
+    ///
+    /// # Errors
+    /// If an option does not fit the scene, or views cannot be rendered.
+    pub fn new(
+        folder: &Path,
+        work: WorkDir,
+        mut scene: Scene,
+        Tools { library, gripper }: Tools,
+        options: Options,
+        progress: Progress,
+    ) -> Result<Self> {
+        check_formats(&options.segment.also)?;
+        if let Some(count) = options.scene.render_views {
+            let folder = work.root().join("rendered");
+            workdir::refuse_link(&folder, "--out")?;
+            let folder = folder.join(scene::rendering_key(&scene, &options.scene)?);
+            workdir::refuse_link(&folder, "--out")?;
+            from_splat::render_views(&mut scene, count.get(), &folder, work.is_writable())
+                .map_err(|error| UsageError(format!("cannot write views into {folder:?}: {error}")))?;
+        }
+        Ok(Self {
+            folder: folder.to_owned(),
+            work,
+            library,
+            gripper,
+            views: scene.chosen_views(&options.scene)?,
+            scene,
+            options,
+            progress,
+            kept: Kept::default(),
+        })
+    }
+
+    /// A stored result. It is read once.
+    ///
+    /// # Errors
+    /// If the stage that makes it is not done, or its files are not what gprop wrote.
+    pub(crate) fn get<T: Stored>(&self) -> Result<Arc<T>> {
+        if let Some(kept) = self.kept.get() {
+            return Ok(kept);
+        }
+        let loaded = Arc::new(T::load(self)?);
+        self.kept.put(T::STAGE, Arc::clone(&loaded));
+        Ok(loaded)
+    }
+
+    /// Keeps a result that was just made, so that it is not read or computed again.
+    pub(crate) fn keep<T: Stored>(&self, value: T) -> Arc<T> {
+        let value = Arc::new(value);
+        self.kept.put(T::STAGE, Arc::clone(&value));
+        value
+    }
+
+    /// Drops the results of a stage that is about to be done again, and of those after it.
+    pub(crate) fn forget_from(&self, stage: Stage) {
+        self.kept.all().retain(|_, (of, _)| *of < stage);
+    }
+
+    /// The photo of a view, with the foreground that the Gaussians give it if neither alpha nor a mask does.
+    pub(crate) fn photo(&self, view: &View) -> Result<Photo, SceneError> {
+        photo_with_foreground(&self.scene, view)
+    }
+
+    /// True if a view is among those that vote.
+    pub(crate) fn votes(&self, view: &str) -> bool {
+        self.views.iter().any(|chosen| chosen.name == view)
+    }
+}
+
+impl Kept {
+    fn get<T: Stored>(&self) -> Option<Arc<T>> {
+        let (_, kept) = self.all().get(&TypeId::of::<T>())?.clone();
+        Some(kept.downcast().expect("it is kept under its type"))
+    }
+
+    fn put<T: Stored>(&self, stage: Stage, value: Arc<T>) {
+        self.all().insert(TypeId::of::<T>(), (stage, value));
+    }
+
+    /// The map is whole whenever the mutex is free.
+    fn all(&self) -> MutexGuard<'_, Results> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}

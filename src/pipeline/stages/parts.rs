@@ -1,0 +1,177 @@
+//! Parts on disk: in metres and kilograms if the scale is known, otherwise in scene units and without masses; and the
+//! object's inside, which later stages fill with material.
+
+use std::sync::Arc;
+
+use anyhow::Result;
+use image::GrayImage;
+use rayon::prelude::*;
+use serde::Serialize;
+
+use crate::parts::{self, Interior, Options, Parts, Shape};
+use crate::scene::View;
+use crate::units::{Estimate, MetricScale, Range};
+use crate::workdir::Artifact;
+
+use super::scene::file_digest;
+use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
+use crate::pipeline::hasher::Hasher;
+use crate::vote::MaterialField;
+
+/// The content of `parts.json` if the metric scale is unknown.
+#[derive(Serialize)]
+struct UnscaledFile<'a> {
+    /// A note that the scale is missing and how to give it.
+    scale: String,
+    object: Option<()>,
+    parts: [(); 0],
+    /// In scene units.
+    shapes: &'a [Shape],
+}
+
+/// The scale of the scene, if it has one, as the `parts` of the object that was weighed correct it; else the one that
+/// follows from the weighing.
+pub fn scale_after_weighing(known: Option<MetricScale>, parts: Option<&Parts>) -> Option<MetricScale> {
+    let Some(known) = known else { return parts?.scale() };
+    let found = parts.and_then(|parts| parts.meters_per_unit).filter(|_| known.range.is_some());
+    Some(match found {
+        Some(Estimate { low, mid, high }) => {
+            let by_mass = if mid == known.meters_per_unit { "" } else { ", corrected by the known mass" };
+            let provenance = known.provenance + by_mass;
+            MetricScale { meters_per_unit: mid, range: Some(Range::new(low, high)), provenance, ..known }
+        }
+        None => known,
+    })
+}
+
+pub(super) const ROW: Row = Row {
+    inputs: &[Stage::Scene, Stage::Vote],
+    options: &["parts"],
+    result: Artifact::Parts,
+    key,
+    is_stale: never,
+    run,
+};
+
+fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
+    let mut hasher = inputs.with_json(&open.options.parts);
+    let views = &open.scene.views;
+    for view in parts::carving_views(views.len(), &open.options.parts).map(|view| &views[view]) {
+        for path in view.mask.iter().chain([&view.image]) {
+            hasher = hasher.with(&file_digest(path)?);
+        }
+    }
+    Ok(hasher.with(&Interior::VERSION.to_le_bytes()).hex())
+}
+
+fn run(open: &OpenScene, _: &Job) -> Result<Done> {
+    let (work, scale) = (&open.work, query::scale(open)?);
+    let result = parts::parts(
+        &open.scene.gaussians,
+        &*open.get::<MaterialField>()?,
+        &open.scene.cameras(),
+        &coverage(&open.scene.views, &open.options.parts)?,
+        scale.as_ref(),
+        &open.options.parts,
+        open.progress,
+    )?;
+    let mut warnings = result.warnings.clone();
+    match result.metric() {
+        Ok(parts) => work.write_json(Artifact::Parts, parts)?,
+        Err(error) => {
+            let file = UnscaledFile { scale: error.to_string(), object: None, parts: [], shapes: &result.shapes };
+            work.write_json(Artifact::Parts, &file)?;
+            warnings.push(error.to_string());
+        }
+    }
+    work.write_with(Artifact::Interior, |out| result.interior.write(out))?;
+    Ok(Done::writing([Artifact::Parts, Artifact::Interior]).warning(warnings).noting(result.notes))
+}
+
+/// For each view, the share of each pixel of its photo that the object covers; `None` if it is unknown or the view is
+/// not used for carving.
+fn coverage(views: &[View], options: &Options) -> Result<Vec<Option<GrayImage>>> {
+    let chosen: Vec<usize> = parts::carving_views(views.len(), options).collect();
+    let of_chosen: Vec<_> = chosen.par_iter().map(|&view| views[view].coverage()).collect::<Result<_, _>>()?;
+    let mut coverage = vec![None; views.len()];
+    chosen.into_iter().zip(of_chosen).for_each(|(view, of_view)| coverage[view] = of_view);
+    Ok(coverage)
+}
+
+/// For each cell of the object's inside, the part that fills it.
+impl Stored for Interior {
+    const STAGE: Stage = Stage::Parts;
+
+    fn load(open: &OpenScene) -> Result<Self> {
+        let bytes = open.work.read(Artifact::Interior)?;
+        let (cells, parts) = (open.options.parts.volume_cells, open.get::<MaterialField>()?.labels.len());
+        let interior = Self::from_bytes(&bytes, cells, parts);
+        Ok(interior.map_err(|error| open.work.damaged(Artifact::Interior, error))?)
+    }
+}
+
+/// The metric scale: the scene's, or the one that follows from the mass of the object, which also corrects a scale of
+/// the scene that is not exact.
+pub fn scale(open: &OpenScene) -> Result<Option<MetricScale>> {
+    let parts = match open.options.parts.known_mass {
+        Some(_) => metric_parts(open)?,
+        None => None,
+    };
+    Ok(scale_after_weighing(query::scale(open)?, parts.as_deref()))
+}
+
+/// The material field with the densities that a weighing of the object has corrected.
+pub fn weighed_field(open: &OpenScene) -> Result<Arc<MaterialField>> {
+    let field = open.get::<MaterialField>()?;
+    let Some(parts) = metric_parts(open)?.filter(|parts| parts.are_weighed()) else { return Ok(field) };
+    let mut weighed = Arc::unwrap_or_clone(field);
+    parts.set_densities(&mut weighed.labels);
+    Ok(Arc::new(weighed))
+}
+
+/// The parts in metres and kilograms; `None` if the scale is unknown.
+pub fn metric_parts(open: &OpenScene) -> Result<Option<Arc<Parts>>> {
+    if query::scale(open)?.is_none() && open.options.parts.known_mass.is_none() {
+        return Ok(None);
+    }
+    Ok(Some(open.get()?))
+}
+
+impl Stored for Parts {
+    const STAGE: Stage = Stage::Parts;
+
+    fn load(open: &OpenScene) -> Result<Self> {
+        Ok(open.work.read_json(Artifact::Parts)?)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::units::ScaleSource;
+
+    #[test]
+    fn a_scale_that_the_mass_corrects_says_so() {
+        let known = MetricScale {
+            meters_per_unit: 0.12,
+            source: ScaleSource::BoundingBox,
+            provenance: "z side of the object's box: 0.12 m for 1.000000 scene units, within 2.00 %".to_owned(),
+            range: Some(Range::new(0.1176, 0.1224)),
+        };
+        let (one, center, inertia) = (Estimate::exactly(1.0), [0.0; 3], [[0.0; 3]; 3]);
+        let with = |meters_per_unit: Estimate| -> Parts {
+            let object = json!({
+                "volume_m3": one, "mass_kg": one, "center_of_mass_m": center, "inertia_kg_m2": inertia,
+            });
+            let parts = json!({ "object": object, "parts": [], "meters_per_unit": meters_per_unit, "warnings": [] });
+            serde_json::from_value(parts).unwrap()
+        };
+        let after = |scale| scale_after_weighing(Some(known.clone()), Some(&with(scale))).unwrap();
+        let corrected = after(Estimate::new(0.117, 0.118, 0.119));
+        let provenance = format!("{}, corrected by the known mass", known.provenance);
+        assert_eq!((corrected.meters_per_unit, corrected.provenance), (0.118, provenance));
+        assert_eq!(after(Estimate::new(0.1176, 0.12, 0.1224)), known, "a mass that is impossible corrects nothing");
+    }
+}

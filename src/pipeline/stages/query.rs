@@ -1,0 +1,267 @@
+//! Queries on disk: one sheet per question, recordings as they arrive, `answers.jsonl` when all are complete.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use serde::{Deserialize, Serialize};
+
+use crate::consensus::Asked;
+use crate::query::{
+    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, SegmentAnswer, SizeAnswer, SizeOutcome,
+    SizeQuery,
+};
+use crate::scene::{ScaleChoice, Scene};
+use crate::units::{MetricScale, Range};
+use crate::words::output::{agreeing, counted};
+use crate::words::part_name::part_name;
+use crate::workdir::{Artifact, WorkDir, WorkDirError};
+
+use super::asked::AskedAbout;
+use super::scene::{self, file_digest};
+use super::{Done, Job, OpenScene, Row, Stage, Stored};
+use crate::pictures::framing;
+use crate::pipeline::hasher::Hasher;
+use crate::pipeline::query_session::{self, QuerySession, QueryView, Subjects, write_sheets};
+
+/// The content of `size.json`.
+#[derive(Serialize, Deserialize)]
+struct SizeFile {
+    #[serde(flatten)]
+    answer: SizeAnswer,
+    scale: Option<MetricScale>,
+}
+
+pub(super) const ROW: Row = Row {
+    inputs: &[Stage::Scene, Stage::Segment, Stage::Consensus],
+    options: &["query", "materials"],
+    result: Artifact::Answers,
+    key,
+    is_stale: |open, _| asks_anew(open),
+    run,
+};
+
+fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
+    let options = &open.options.query;
+    // The content of these files and folders counts, not how their paths are written.
+    let labels = options.labels.clone().filter(|labels| !matches!(labels, LabelSet::File(_)));
+    let without_paths = Options { prompts: None, recordings: None, lmm_body: None, labels, ..options.clone() };
+    let candidates = query_session::candidates(options, &open.library)?;
+    let mut hasher = inputs
+        .with_json(&without_paths)
+        .with_json(&open.options.consensus.ask_views)
+        .with_json(&candidates.families())
+        .with_json(&candidates.materials())
+        .with_json(&open.library.fillings())
+        .with_json(&query_session::prompts(options)?.sha256());
+    if let Some(fields) = &options.lmm_body {
+        hasher = hasher.with(&file_digest(fields).unwrap_or_default());
+    }
+    for folder in query_session::recording_folders(options, &open.folder) {
+        for path in recordings_in(&folder) {
+            hasher = hasher
+                .with(path.file_name().unwrap_or_default().as_encoded_bytes())
+                .with(&file_digest(&path).unwrap_or_default());
+        }
+    }
+    Ok(hasher.hex())
+}
+
+fn run(open: &OpenScene, job: &Job) -> Result<Done> {
+    let work = &open.work;
+    let about = AskedAbout::of(open)?;
+    let session = session(open, &about, &open.options.query)?;
+    let (answers, file) =
+        session.answer_with_size(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer))?;
+    let answers = settled(answers);
+    let jsonl = answers.to_jsonl();
+    work.write(Artifact::Answers, jsonl.as_bytes())?;
+    answers.require_any()?;
+    let sheets = answers.segments.iter().map(|answer| Artifact::Sheet(&answer.view, answer.segment));
+    let mut outputs: Vec<Artifact> = sheets.chain([Artifact::Answers]).collect();
+    let mut warnings = failures(&answers, open.options.consensus.ask);
+    if let Some((file, warning)) = &file {
+        work.write_json(Artifact::Size, file)?;
+        warnings.push(warning.clone());
+        outputs.extend([Artifact::Size, Artifact::Sheet(&file.answer.view, SizeQuery::WHOLE)]);
+    }
+    let digest = Hasher::new("answers").with(jsonl.as_bytes()).with_json(&file).hex();
+    let done = Done::writing(outputs).warning(warnings).noting(notes(&answers));
+    // Recordings are part of the key, and asking may have added some.
+    Ok(Done { digest: Some(digest), key: Some(key(open, job.inputs.clone())?), ..done })
+}
+
+/// The size of the object with the scale that follows from it, and what the user should know about that scale.
+fn size_file(scene: &Scene, answer: SizeAnswer) -> Result<(SizeFile, String)> {
+    let size = match &answer.outcome {
+        SizeOutcome::Answered(size) => size,
+        SizeOutcome::Failed(failure) => {
+            let warning = format!("view {}: the model did not say how long the object is: {failure}", answer.view);
+            return Ok((SizeFile { answer, scale: None }, warning));
+        }
+    };
+    let (scale, unusual) = scene.estimated_scale(&size.object, size.longest_side_m)?;
+    let Range { low, high } = size.longest_side_m;
+    let warning = format!(
+        "the metric scale is {}; its interval alone makes masses uncertain by a factor of {:.1}. Measure a length \
+         (--scale) or weigh the object (--known-mass)",
+        scale.provenance,
+        (high / low).powi(3)
+    );
+    let warning = [Some(warning), unusual].into_iter().flatten().collect::<Vec<_>>().join("; ");
+    Ok((SizeFile { answer, scale: Some(scale) }, warning))
+}
+
+/// The answers to the questions about the chosen views.
+impl Stored for Answers {
+    const STAGE: Stage = Stage::Query;
+
+    fn load(open: &OpenScene) -> Result<Self> {
+        let answers = read_answers(&open.work)?;
+        // The names of files are made of the views' names, and the work folder may come from anyone.
+        let unknown = answers.segments.iter().find(|answer| !open.votes(&answer.view));
+        if let Some(SegmentAnswer { view, .. }) = unknown {
+            let problem = format!("it has an answer about {view:?}, which is not among the chosen views");
+            return Err(open.work.damaged(Artifact::Answers, problem).into());
+        }
+        Ok(answers)
+    }
+}
+
+/// The queries of the chosen views, under `options`, which need not be the run's; the parts must have been found.
+pub fn session<'a>(open: &'a OpenScene, about: &'a AskedAbout, options: &'a Options) -> Result<QuerySession<'a>> {
+    let views =
+        open.views.iter().enumerate().map(|(number, view)| {
+            Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: about.maps(number) })
+        });
+    let views = views.collect::<Result<_>>()?;
+    let scope = open.options.scene.read_scope(&open.folder);
+    query_session::check_recordings(options, &open.folder, &open.work, scope)?;
+    let network = open.options.setup.network();
+    let (subjects, ask_views) = about.subjects(open);
+    let asks_size = open.options.scene.scale == ScaleChoice::Estimate;
+    let size_in = if asks_size { fullest_view(open) } else { None };
+    let subjects = Subjects { views, subjects, ask_views, about: about.about(), size_in };
+    QuerySession::new(options, subjects, &open.library, &open.folder, &open.work, network, open.progress)
+}
+
+/// Estimates what a query would send, and its cost.
+pub fn preview(open: &OpenScene) -> Result<Preview> {
+    let about = AskedAbout::of(open)?;
+    let session = session(open, &about, &open.options.query)?;
+    Ok(session.preview(&session.queries()?))
+}
+
+/// The index of the chosen view that shows most of the object, regardless of its parts.
+pub fn fullest_view(open: &OpenScene) -> Option<usize> {
+    let cameras = open.views.iter().map(|view| &view.camera);
+    framing::shows_most(cameras, &open.scene.gaussians, &vec![0; open.scene.gaussians.len()])
+}
+
+/// True if answers of an earlier run are not to be reused: either the model is to be asked regardless of recordings, or
+/// it can be asked again the questions that it failed to answer.
+fn asks_anew(open: &OpenScene) -> bool {
+    let options = &open.options.query;
+    let no_size = || {
+        let asked = open.options.scene.scale == ScaleChoice::Estimate;
+        asked && estimated_scale(&open.work).is_ok_and(|scale| scale.is_none())
+    };
+    let failed = || no_size() || read_answers(&open.work).is_ok_and(|answers| answers.failed().next().is_some());
+    match options.answers {
+        AnswerSource::Replay => false,
+        AnswerSource::Record => options.lmm_url.is_some() && failed(),
+        AnswerSource::Live => true,
+    }
+}
+
+/// The metric scale: the one that follows from the size that the model estimated, or else the scene's.
+pub(super) fn scale(open: &OpenScene) -> Result<Option<MetricScale>, WorkDirError> {
+    match open.options.scene.scale {
+        ScaleChoice::Estimate => estimated_scale(&open.work),
+        _ => scene::scale(open),
+    }
+}
+
+/// The scale in `size.json`; `None` if the model did not say how long the object is.
+pub fn estimated_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError> {
+    Ok(work.read_json::<SizeFile>(Artifact::Size)?.scale)
+}
+
+fn read_answers(work: &WorkDir) -> Result<Answers> {
+    let damaged = |problem: &dyn std::fmt::Display| work.damaged(Artifact::Answers, problem);
+    let text = String::from_utf8(work.read(Artifact::Answers)?).map_err(|problem| damaged(&problem))?;
+    Ok(Answers::from_jsonl(&text).map_err(|problem| damaged(&problem))?)
+}
+
+/// The answers as any later run finds them: an answer that the model just gave counts as recorded for exactly this query.
+/// So a run that was killed while asking ends in the same bytes as one that was not, and a rerun of either has nothing to redo.
+fn settled(mut answers: Answers) -> Answers {
+    for segment in &mut answers.segments {
+        if let Outcome::Answered(answer) = &mut segment.outcome
+            && answer.matched == Match::Live
+        {
+            answer.matched = Match::Exact;
+        }
+    }
+    answers
+}
+
+/// The recordings in a folder, sorted; none if it cannot be read.
+fn recordings_in(folder: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut found: Vec<_> = entries.filter(|path| path.extension().is_some_and(|end| end == "json")).collect();
+    found.sort();
+    found
+}
+
+/// The questions without an answer.
+fn failures(answers: &Answers, asked: Asked) -> Vec<String> {
+    let noun = match asked {
+        Asked::Parts => "part",
+        Asked::Segments => "segment",
+    };
+    // Other views' answers name a part; a segment's number means something else in every view.
+    let name = |number: u16| {
+        let mut about = answers.segments.iter().filter(|segment| asked == Asked::Parts && segment.segment == number);
+        let name = about.find_map(|segment| match &segment.outcome {
+            Outcome::Answered(answer) => Some(part_name(&answer.caption, &answer.material)),
+            Outcome::Failed(_) => None,
+        });
+        name.map_or_else(String::new, |name| format!(" ({name})"))
+    };
+    let failure = |segment: &SegmentAnswer| match &segment.outcome {
+        Outcome::Failed(failure) => {
+            let (view, number) = (&segment.view, segment.segment);
+            Some(format!("view {view}, {noun} {number}{}: {failure}", name(number)))
+        }
+        Outcome::Answered(_) => None,
+    };
+    answers.segments.iter().filter_map(failure).collect()
+}
+
+/// Each correction or doubt once, with the number of answers that it applies to; and the number of answers that were
+/// recorded for slightly different masks.
+fn notes(answers: &Answers) -> Vec<String> {
+    let mut notes = Vec::new();
+    let mut overlaps: Vec<f64> = Vec::new();
+    let mut flags: BTreeMap<&str, usize> = BTreeMap::new();
+    for segment in &answers.segments {
+        if let Outcome::Answered(answer) = &segment.outcome {
+            answer.flags.iter().for_each(|flag| *flags.entry(flag).or_default() += 1);
+            if let Match::Mask { iou } = answer.matched {
+                overlaps.push(iou);
+            }
+        }
+    }
+    notes.extend(flags.into_iter().map(|(flag, segments)| format!("{flag} (in {})", counted(segments, "answer"))));
+    if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
+        let (count, all) = (overlaps.len(), answers.segments.len());
+        notes.push(format!(
+            "{count} of {} {} recorded for slightly different masks (IoU {least:.3} or more)",
+            counted(all, "answer"),
+            agreeing(count, "was", "were"),
+        ));
+    }
+    notes
+}

@@ -1,0 +1,171 @@
+//! The report: the results of all stages before it, as one JSON file and one page.
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use crate::gaussians::bounds::longest_side;
+use anyhow::Result;
+use nalgebra::Point3;
+use rayon::prelude::*;
+
+use crate::config::{self, Flag};
+use crate::consensus::Asked;
+use crate::report::{
+    self, AnswerCounts, Cloud, Disagreement, InputFile, Motion, Pictures, Remark, Report, Reproduction, SceneSummary,
+    SheetPicture, StageTime, ViewPictures,
+};
+use crate::vote::MaterialField;
+use crate::workdir::{Artifact, hexadecimal};
+
+use super::asked::AskedAbout;
+use super::grasp::{self, Grasped};
+use super::scene::file_digest;
+use super::vote::ShowsMost;
+use super::{Done, Job, OpenScene, Row, Stage, StageRecord, never, parts, simulate};
+use crate::pipeline::options::known_flags;
+use crate::query::Answers;
+
+pub(super) const ROW: Row = Row {
+    inputs: &[
+        Stage::Scene,
+        Stage::Segment,
+        Stage::Consensus,
+        Stage::Query,
+        Stage::Vote,
+        Stage::Parts,
+        Stage::Simulate,
+        Stage::Grasp,
+    ],
+    options: &[],
+    result: Artifact::ReportHtml,
+    key: |open, inputs| Ok(inputs.with(open.scene.name.as_bytes()).hex()),
+    is_stale: never,
+    run,
+};
+
+fn run(open: &OpenScene, job: &Job) -> Result<Done> {
+    let work = &open.work;
+    let report = report(open, job)?;
+    let (field, answers) = (parts::weighed_field(open)?, open.get::<Answers>()?);
+    let pictures = pictures(open, &answers, &field, job.simulates)?;
+    work.write_json(Artifact::ReportJson, &report)?;
+    let view = open.get::<ShowsMost>()?.view(open);
+    let eye = view.map_or_else(Point3::origin, |view| view.camera.center_in_world());
+    let cloud = Cloud::new(&open.scene.gaussians, &field, eye);
+    let motion = report.simulation.as_ref().map(|simulation| {
+        Motion::new(&cloud, &open.scene.gaussians, simulation, &mut |frame| simulate::frame(open, frame))
+    });
+    let page = report::page(&report, &answers, &pictures, &cloud, motion.transpose()?.as_ref());
+    work.write(Artifact::ReportHtml, page.as_bytes())?;
+    Ok(Done::writing([Artifact::ReportJson, Artifact::ReportHtml]))
+}
+
+/// The pictures on the page.
+fn pictures(open: &OpenScene, answers: &Answers, field: &MaterialField, simulates: bool) -> Result<Pictures> {
+    let work = &open.work;
+    let about = AskedAbout::of(open)?;
+    let maps = about.settled_maps(open, answers);
+    let views = open.views.par_iter().zip(&maps);
+    let views = views.map(|(view, map)| ViewPictures::draw(view, map, &open.scene.gaussians, field));
+    let sheets = answers.segments.par_iter().map(|segment| {
+        let sheet = work.read(Artifact::Sheet(&segment.view, segment.segment))?;
+        Ok(SheetPicture::shrink(&segment.view, segment.segment, &sheet)?)
+    });
+    Ok(Pictures {
+        views: views.collect::<Result<_, _>>()?,
+        sheets: sheets.collect::<Result<_>>()?,
+        animation: if simulates { work.read(Artifact::Animation)? } else { vec![] },
+        grasp: grasp::picture(work)?,
+    })
+}
+
+/// The result of a finished run.
+pub(crate) fn report(open: &OpenScene, job: &Job) -> Result<Report> {
+    let (scene, field, answers) = (&open.scene, parts::weighed_field(open)?, open.get::<Answers>()?);
+    let is_in =
+        |record: &&StageRecord| record.name < Stage::Report && (job.simulates || record.name != Stage::Simulate);
+    let before = job.records.iter().filter(is_in);
+    Ok(Report {
+        schema_version: report::SCHEMA_VERSION,
+        version: env!("CARGO_PKG_VERSION"),
+        scene: SceneSummary {
+            name: scene.name.clone(),
+            gaussians: scene.gaussians.len(),
+            sh_degree: scene.gaussians.sh_degree,
+            scale: parts::scale(open)?,
+            longest_side: longest_side(&scene.gaussians),
+            views: open.views.iter().map(|view| view.name.clone()).collect(),
+            seen_gaussians: field.views.iter().filter(|&&views| views > 0).count(),
+        },
+        stages: before.clone().map(stage_time).collect(),
+        answers: AnswerCounts::of(&answers),
+        disagreements: match open.options.consensus.ask {
+            Asked::Parts => Disagreement::all(&answers),
+            Asked::Segments => Vec::new(),
+        },
+        parts: parts::metric_parts(open)?.map(Arc::unwrap_or_clone),
+        labels: field.labels.clone(),
+        gaussians_per_label: gaussians_per_label(&field),
+        simulation: job.simulates.then(|| open.get().map(Arc::unwrap_or_clone)).transpose()?,
+        grasp: open.get::<Grasped>()?.0.as_deref().cloned(),
+        warnings: before.clone().flat_map(|stage| remarks(stage, &stage.warnings)).collect(),
+        notes: before.flat_map(|stage| remarks(stage, &stage.notes)).collect(),
+        reproduction: Reproduction { command: command(open, job), inputs: inputs(open)? },
+    })
+}
+
+fn stage_time(stage: &StageRecord) -> StageTime {
+    StageTime { name: stage.name.name(), seconds: stage.seconds, reused: stage.reused, digest: stage.digest.clone() }
+}
+
+/// The command line that reproduces this result from the folder above the scene's.
+fn command(open: &OpenScene, job: &Job) -> String {
+    let scene = open.folder.canonicalize().unwrap_or_else(|_| open.folder.clone());
+    let (above, known) = (scene.parent().unwrap_or(&scene), known_flags());
+    let left_out = (!job.simulates).then_some("--no-simulate");
+    let flags = job.flags.iter().map(|flag| as_typed_in(above, flag, &known));
+    let words = ["gprop", "run", &open.scene.name].into_iter().chain(left_out).map(Cow::Borrowed).chain(flags);
+    words.map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
+}
+
+fn inputs(open: &OpenScene) -> Result<Vec<InputFile>> {
+    let input = |path: &PathBuf| {
+        let digest = file_digest(path)?;
+        let path = path.strip_prefix(&open.folder).unwrap_or(path);
+        Ok(InputFile { path: path.display().to_string(), sha256: hexadecimal(&digest) })
+    };
+    open.scene.files.iter().map(input).collect()
+}
+
+fn remarks(stage: &StageRecord, messages: &[String]) -> Vec<Remark> {
+    messages.iter().map(|message| Remark { stage: stage.name.name(), message: message.clone() }).collect()
+}
+
+/// A flag as it would be typed in `folder`: its path, if its value is one, is relative to `folder` if it is inside it, else
+/// absolute.
+fn as_typed_in<'a>(folder: &Path, flag: &'a str, known: &[Flag]) -> Cow<'a, str> {
+    let Some((name, value)) = flag.strip_prefix("--").and_then(|words| words.split_once('=')) else {
+        return flag.into();
+    };
+    match known.iter().any(|known| known.name == name && known.is_path(value)) {
+        true => format!("--{name}={}", config::portable(Path::new(value), folder).display()).into(),
+        false => flag.into(),
+    }
+}
+
+/// A word, quoted for the shell if necessary.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,@%+".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
+    }
+}
+
+fn gaussians_per_label(field: &MaterialField) -> Vec<usize> {
+    let mut counts = vec![0; field.labels.len()];
+    field.part_label.iter().for_each(|&label| counts[label as usize] += 1);
+    counts
+}

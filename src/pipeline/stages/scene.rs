@@ -1,0 +1,131 @@
+//! The scene on disk: its key is a hash of its files; its artifact is the list of the chosen views.
+
+use std::borrow::Cow;
+use std::iter;
+use std::path::Path;
+
+use anyhow::Result;
+use serde::{Deserialize, Serialize};
+
+use crate::camera::Camera;
+use crate::inspect;
+use crate::scene::{Options, ScaleChoice, Scene, SceneError};
+use crate::units::MetricScale;
+use crate::workdir::{Artifact, WorkDir, WorkDirError, sha256_of_file};
+
+use super::{Done, Job, OpenScene, Row, never};
+use crate::pipeline::hasher::Hasher;
+
+/// The content of `views.json`.
+#[derive(Serialize)]
+struct ViewsFile<'a> {
+    /// Number of Gaussians of the object.
+    gaussians: usize,
+    scale: Option<&'a MetricScale>,
+    views: Vec<ViewEntry<'a>>,
+}
+
+/// The part of `views.json` that is read again.
+#[derive(Deserialize)]
+struct StoredScale {
+    scale: Option<MetricScale>,
+}
+
+#[derive(Serialize)]
+struct ViewEntry<'a> {
+    name: &'a str,
+    /// Relative to the scene's folder if it lies in it.
+    image: Cow<'a, str>,
+    #[serde(flatten)]
+    camera: &'a Camera,
+}
+
+pub(super) const ROW: Row =
+    Row { inputs: &[], options: &["scene"], result: Artifact::Views, key: |open, _| key(open), is_stale: never, run };
+
+/// The hash covers every byte of the files and of the chosen photos, which photos there are, and the scale that a data
+/// set states; modification times and how the paths are written do not matter.
+pub fn key(open: &OpenScene) -> Result<String> {
+    let (scene, options) = (&open.scene, &open.options.scene);
+    let names: Vec<&str> = scene.views.iter().map(|view| view.name.as_str()).collect();
+    let mut hasher =
+        Hasher::new("scene").with_json(&without_paths(options)).with_json(&names).with_json(&scene.object_source);
+    if let (ScaleChoice::Auto, Some(stated)) = (&options.scale, &scene.scale) {
+        hasher = hasher.with_json(stated);
+    }
+    let photos = open.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
+    let searched = scene.views.iter().filter(|_| options.scale.is_in_photos()).map(|view| &view.image);
+    for path in scene.files.iter().chain(photos).chain(searched) {
+        hasher = hasher.with(&file_digest(path)?);
+    }
+    Ok(hasher.hex())
+}
+
+/// A hash of all that the Gaussians and the cameras depend on, which the choice of views and the scale do not change.
+pub(super) fn gaussians_key(open: &OpenScene) -> Result<String> {
+    let Options { views, view_list, scale, .. } = Options::default();
+    let options = Options { views, view_list, scale, ..without_paths(&open.options.scene) };
+    let mut hasher = Hasher::new("gaussians").with_json(&options).with_json(&open.scene.object_source);
+    for path in &open.scene.files {
+        hasher = hasher.with(&file_digest(path)?);
+    }
+    Ok(hasher.hex())
+}
+
+fn run(open: &OpenScene, _: &Job) -> Result<Done> {
+    let (scene, options) = (&open.scene, &open.options.scene);
+    let views = open.views.iter().map(|view| ViewEntry {
+        name: &view.name,
+        // JSON has only Unicode.
+        image: view.image.strip_prefix(&open.folder).unwrap_or(&view.image).to_string_lossy(),
+        camera: &view.camera,
+    });
+    let mut warnings = scene.warnings.clone();
+    let in_photos = scene.scale_in_photos(&options.scale)?.map(|(scale, of_scale)| {
+        warnings.extend(of_scale);
+        scale
+    });
+    // Views that are rendered from the splat fit it.
+    if options.render_views.is_none() {
+        warnings.extend(inspect::misfit(scene, &open.views)?);
+    }
+    let file = ViewsFile {
+        gaussians: scene.gaussians.len(),
+        scale: in_photos.as_ref().or(scene.scale.as_ref()),
+        views: views.collect(),
+    };
+    open.work.write_json(Artifact::Views, &file)?;
+    Ok(Done::writing([Artifact::Views]).warning(warnings).noting(scene.notes.clone()))
+}
+
+/// The metric scale of the scene: stated, measured, or found in the photos.
+pub(super) fn scale(open: &OpenScene) -> Result<Option<MetricScale>, WorkDirError> {
+    if open.options.scene.scale.is_in_photos() { stored_scale(&open.work) } else { Ok(open.scene.scale.clone()) }
+}
+
+/// The scale in `views.json`.
+pub fn stored_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError> {
+    Ok(work.read_json::<StoredScale>(Artifact::Views)?.scale)
+}
+
+/// Hash of everything that pictures rendered from the splat depend on, short enough for a folder's name.
+pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> {
+    let mut hasher = Hasher::new("rendered").with_json(&without_paths(options));
+    for path in &scene.files {
+        hasher = hasher.with(&file_digest(path)?);
+    }
+    Ok(hasher.hex().chars().take(16).collect())
+}
+
+/// The options without paths, whose files are hashed by their content.
+fn without_paths(options: &Options) -> Options {
+    Options { splat: None, cameras: None, images: None, masks: None, ..options.clone() }
+}
+
+/// SHA-256 of the content of one of the user's files.
+///
+/// # Errors
+/// [`SceneError::Io`], including if the file has disappeared since the scene was loaded.
+pub fn file_digest(path: &Path) -> Result<[u8; 32], SceneError> {
+    sha256_of_file(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })
+}

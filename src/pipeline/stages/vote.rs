@@ -1,0 +1,175 @@
+//! The vote on disk: `field.ply` for any splat viewer, and `labels.json` and `materials.json`, which explain its
+//! numbers.
+
+use std::borrow::Cow;
+use std::path::Path;
+
+use anyhow::Result;
+use image::RgbImage;
+
+use crate::gaussians::Gaussians;
+use crate::pictures::figure::{self, Object, Shown};
+use crate::pictures::{field_colors, framing, thumbnail};
+use crate::query::Answers;
+use crate::scene::View;
+use crate::scene::splat::ply;
+use crate::segment::LabelMap;
+use crate::vote::{FieldLabel, MaterialField, ViewInput, VoteError, field_ply, vote, vote_on_parts};
+use crate::words::output::counted;
+use crate::workdir::{self, Artifact, WorkDirError};
+
+use super::asked::AskedAbout;
+use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
+use crate::pictures::png;
+
+pub(super) const ROW: Row = Row {
+    inputs: &[Stage::Scene, Stage::Segment, Stage::Consensus, Stage::Query],
+    options: &["vote"],
+    result: Artifact::Field,
+    key: |open, inputs| {
+        let hasher = inputs.with_json(&open.library.materials()).with_json(&open.library.fillings());
+        Ok(hasher.with_json(&open.options.vote).hex())
+    },
+    is_stale: never,
+    run,
+};
+
+fn run(open: &OpenScene, _: &Job) -> Result<Done> {
+    let (work, gaussians) = (&open.work, &open.scene.gaussians);
+    let (about, answers) = (AskedAbout::of(open)?, open.get::<Answers>()?);
+    let field = elect(open, &about, &voters(&open.views, &about.settled_maps(open, &answers)), &answers)?;
+    work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
+    work.write_json(Artifact::Labels, &field.labels)?;
+    work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &open.library))?;
+    let recolored = field_colors::recolored(gaussians, &field_colors::material_colors(&field));
+    work.write_with(Artifact::Recolored, |out| ply::write(out, &recolored, &[]))?;
+    let mut written = vec![Artifact::Field, Artifact::Labels, Artifact::Materials, Artifact::Recolored];
+    let fullest = open.keep(ShowsMost::of(open, &field));
+    if let Some(view) = fullest.view(open) {
+        work.write(Artifact::Figure, &png(&draw(open, Shown::Figure, view, &field)?)?)?;
+        let small = thumbnail::draw(&view.camera, &open.photo(view)?, gaussians, &field)?;
+        work.write(Artifact::Thumbnail, &small)?;
+        written.extend([Artifact::Figure, Artifact::Thumbnail]);
+    }
+    Ok(Done::writing(written).warning(field.warnings).noting(field.notes))
+}
+
+/// The field that results from these views and answers.
+pub fn elect(
+    open: &OpenScene,
+    about: &AskedAbout,
+    views: &[ViewInput],
+    answers: &Answers,
+) -> Result<MaterialField, VoteError> {
+    let (gaussians, library, options) = (&open.scene.gaussians, &*open.library, &open.options.vote);
+    match about {
+        AskedAbout::Segments(_) => vote(gaussians, views, answers, library, options, open.progress),
+        AskedAbout::Parts(found) => {
+            vote_on_parts(gaussians, views, &found.answered(answers), library, options, open.progress)
+        }
+    }
+}
+
+pub fn draw(open: &OpenScene, shown: Shown, view: &View, field: &MaterialField) -> Result<RgbImage> {
+    Ok(figure::draw(shown, &view.camera, &open.photo(view)?, object(open, field)?))
+}
+
+pub fn object<'a>(open: &'a OpenScene, field: &'a MaterialField) -> Result<Object<'a>> {
+    let meters_per_unit = query::scale(open)?.map(|scale| scale.meters_per_unit);
+    Ok(Object { gaussians: &open.scene.gaussians, field, meters_per_unit })
+}
+
+/// The index of the chosen view that shows most of the object.
+pub struct ShowsMost(Option<usize>);
+
+impl ShowsMost {
+    fn of(open: &OpenScene, field: &MaterialField) -> Self {
+        let cameras = open.views.iter().map(|view| &view.camera);
+        Self(framing::shows_most(cameras, &open.scene.gaussians, &field.part_label))
+    }
+
+    pub fn view<'a>(&self, open: &'a OpenScene) -> Option<&'a View> {
+        self.0.map(|index| &open.views[index])
+    }
+}
+
+impl Stored for ShowsMost {
+    const STAGE: Stage = Stage::Vote;
+
+    fn load(open: &OpenScene) -> Result<Self> {
+        Ok(Self::of(open, &*open.get::<MaterialField>()?))
+    }
+}
+
+impl Stored for MaterialField {
+    const STAGE: Stage = Stage::Vote;
+
+    fn load(open: &OpenScene) -> Result<Self> {
+        let (_, field) = stored_field(open.work.root())?;
+        require_all_gaussians(open, Artifact::Field, field.part_label.len())?;
+        Ok(field)
+    }
+}
+
+/// Fails unless a stored splat has as many Gaussians as the scene: the work folder may come from anyone.
+pub(super) fn require_all_gaussians(open: &OpenScene, artifact: Artifact, found: usize) -> Result<(), WorkDirError> {
+    let expected = open.scene.gaussians.len();
+    if found == expected {
+        return Ok(());
+    }
+    Err(open.work.damaged(artifact, format!("it has {} instead of {expected}", counted(found, "Gaussian"))))
+}
+
+/// The views with the label maps that they vote by.
+pub fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<ViewInput<'a>> {
+    let with_map = views.iter().zip(maps);
+    with_map.map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect()
+}
+
+/// The Gaussians and their material field in the work folder `root`, as the vote stage wrote them.
+///
+/// # Errors
+/// If there is no field, or gprop did not write it.
+pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
+    let [path, path_of_labels] = [Artifact::Field, Artifact::Labels].map(|artifact| root.join(artifact.path()));
+    let labels: Vec<FieldLabel> = workdir::read_json(&path_of_labels)?;
+    if !(labels.first().is_none_or(|first| first.id > 0) && labels.is_sorted_by(|one, next| one.id < next.id)) {
+        let problem = "its labels are not numbered in order, from 1 on".to_owned();
+        return Err(WorkDirError::Damaged { path: path_of_labels, problem }.into());
+    }
+    let gaussians = ply::read(&path)?.gaussians;
+    let field = field_ply::read(&gaussians.extra, labels)
+        .ok_or_else(|| WorkDirError::Damaged { path, problem: "it lacks the field's columns or labels".to_owned() })?;
+    Ok((gaussians, field))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Pipeline;
+
+    #[test]
+    fn a_picture_of_a_photo_without_alpha_is_cropped_to_the_object() {
+        let hammer = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
+        let folder = tempfile::tempdir().unwrap();
+        let pipeline = Pipeline::builder(hammer).out(folder.path().join("out")).open().unwrap();
+        let open = pipeline.opened();
+        let count = open.scene.gaussians.len();
+        let field = MaterialField {
+            labels: Vec::new(),
+            part_label: vec![0; count],
+            confidence: vec![1.0; count],
+            votes: vec![1.0; count],
+            views: vec![1; count],
+            warnings: Vec::new(),
+            notes: Vec::new(),
+        };
+        let with_alpha = open.scene.views.iter().find(|view| view.name == "003").unwrap();
+        let opaque = View { image: folder.path().join("003.png"), ..with_alpha.clone() };
+        image::open(&with_alpha.image).unwrap().into_rgb8().save(&opaque.image).unwrap();
+        let heights = [with_alpha, &opaque].map(|view| draw(open, Shown::Confidence, view, &field).unwrap().height());
+        // The hammer lies across this photo, which is square: uncropped, the picture is hundreds of pixels higher. The
+        // outlines given by alpha and by the Gaussians differ by a few pixels.
+        assert!(heights[0].abs_diff(heights[1]) < 30, "{heights:?}");
+    }
+}
