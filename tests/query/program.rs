@@ -16,6 +16,7 @@ use super::offline::{assert_untouched, listener};
 use super::{a, good_answer, good_answer_about_part, with};
 use crate::run::{gprop, hammer};
 use crate::support::models;
+use crate::support::server::MockServer;
 
 /// Few prompts and little to simulate: the other stages that the queries need take seconds.
 const FEW_PROMPTS: &[&str] = &["--points-per-side", "6", "--level", "small"];
@@ -131,6 +132,40 @@ fn who_is_asked_about_how_many_pictures_is_told_before_the_first_request() {
     // If everything is recorded, no server is asked, and no notice is printed.
     let replayed = query(&path, None, &["-q", "--lmm-url", &url, "--lmm-model", "gpt-4o"]).output().unwrap();
     assert!(replayed.status.success() && said(&replayed).is_empty(), "{}", said(&replayed));
+}
+
+/// The command in an environment that names only this proxy.
+fn behind(proxy: &MockServer, command: &mut Command) -> Output {
+    let url = proxy.uri().replace("http://", &format!("http://me:{CANARY}@"));
+    for name in ["http_proxy", "https_proxy", "HTTPS_PROXY", "all_proxy", "ALL_PROXY", "no_proxy", "NO_PROXY"] {
+        command.env_remove(name);
+    }
+    command.env("http_proxy", url).output().unwrap()
+}
+
+#[test]
+fn a_proxy_that_pictures_pass_through_is_named_and_not_used_for_this_machine() {
+    if models("a_proxy_that_pictures_pass_through_is_named_and_not_used_for_this_machine").is_none() {
+        return;
+    }
+    let folder = tempfile::tempdir().unwrap();
+    let path = picture(folder.path());
+    let proxy = MockServer::new(|_| ok(&good_answer(a("wood")).to_string()));
+    let far = ["-q", "--lmm-url", "http://model.invalid/v1", "--lmm-model", "far"];
+    let output = behind(&proxy, &mut query(&path, None, &far));
+    assert!(output.status.success(), "{}", said(&output));
+    let host = proxy.uri().replace("http://", "");
+    let expected = format!("asking far at model.invalid through the proxy {host} about ");
+    assert!(said(&output).contains(&expected) && !said(&output).contains(CANARY), "{}", said(&output));
+    let passed = proxy.requests();
+    assert!(
+        passed.iter().all(|request| request.url == "http://model.invalid/v1/chat/completions") && !passed.is_empty()
+    );
+
+    let server = Server::new(|_, _, _| ok(&good_answer(a("wood")).to_string()));
+    let output = behind(&proxy, &mut query(&path, Some(&server), &["-q"]));
+    assert!(output.status.success() && !said(&output).contains("through"), "{}", said(&output));
+    assert_eq!((server.requests().len(), proxy.requests().len()), (passed.len(), passed.len()));
 }
 
 #[test]

@@ -37,6 +37,11 @@ impl Address {
         Ok(Self { base })
     }
 
+    /// The base of all other URLs.
+    pub fn url(&self) -> &Url {
+        &self.base
+    }
+
     /// URL of Chat Completions.
     pub fn chat_completions(&self) -> Url {
         self.below(&["chat", "completions"])

@@ -17,6 +17,7 @@ mod dialect;
 mod error;
 mod fields;
 mod key;
+mod proxy;
 mod response;
 mod retry;
 mod secret;
@@ -93,7 +94,9 @@ impl Client {
         let Some(base) = &options.lmm_url else { return Ok(None) };
         let model = options.lmm_model.clone().ok_or(ClientError::NoModel)?;
         let address = Address::parse(base)?;
-        let http = reqwest::Client::builder()
+        let http = reqwest::Client::builder();
+        let http = if proxy::is_this_machine(address.url()) { http.no_proxy() } else { http };
+        let http = http
             .timeout(Duration::from_secs(options.lmm_timeout_s))
             .connect_timeout(CONNECT_TIMEOUT)
             .redirect(reqwest::redirect::Policy::none())
@@ -142,9 +145,8 @@ impl Client {
         self.key.as_ref().map_or_else(|| text.to_owned(), |key| key.cut_from(text))
     }
 
-    /// The model and the host of its server, for display: no path, no query.
     fn name(&self) -> String {
-        format!("{} at {}", self.answerer.model, self.address.host())
+        name(&self.answerer.model, &self.address)
     }
 
     /// Tells the user, before the first request of a submission to the Batch API, where the pictures are sent, how many
@@ -322,14 +324,20 @@ impl Asker for Client {
     }
 }
 
-/// The model and the host of its server that the options name, for display. `None` without `--lmm-url`.
+/// A model, the host of its server and the proxy on the way there, for display: no path, no query.
+fn name(model: &str, address: &Address) -> String {
+    let proxy = proxy::of(address.url()).map_or_else(String::new, |proxy| format!(" through the proxy {proxy}"));
+    format!("{model} at {}{proxy}", address.host())
+}
+
+/// The model, its server and the proxy that the options and the environment name, for display. `None` without `--lmm-url`.
 ///
 /// # Errors
 /// If the URL cannot be used.
 pub fn destination(options: &Options) -> Result<Option<String>, ClientError> {
     let Some(base) = &options.lmm_url else { return Ok(None) };
     let model = options.lmm_model.as_deref().ok_or(ClientError::NoModel)?;
-    Ok(Some(format!("{model} at {}", Address::parse(base)?.host())))
+    Ok(Some(name(model, &Address::parse(base)?)))
 }
 
 /// The tokens of two requests, as far as the server reports them.
