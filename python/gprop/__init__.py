@@ -7,7 +7,11 @@ Units are SI: m, kg, s, Pa, N. Positions of the Gaussians are in the scene's own
 frame. An estimate has three numbers, low, mid and high, along its last axis; what is unknown is NaN.
 """
 
+import hashlib
+import importlib.metadata
 import json
+import math
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +21,10 @@ __all__ = ["Result", "load"]
 
 _ESTIMATE = (3,)
 _VECTOR = (3,)
+
+# As in the program: how deep JSON may be nested, and how long the header of a PLY may be.
+_DEEPEST_JSON = 127
+_LONGEST_HEADER = 1 << 20
 
 # Columns of `Result.parts`: those of labels.json, then those of parts.json.
 _PROPERTIES = {
@@ -94,22 +102,23 @@ def load(work: str | Path) -> Result:
     """Reads the work folder of a run: ``scene/gprop``, or what ``--out`` named.
 
     Results of a stage that no longer hold, because an earlier stage was done again, are left out. Raises FileNotFoundError if
-    the run did not get as far as the vote, and ValueError if a file is damaged.
+    the run did not get as far as the vote, and ValueError if a file is damaged, is not a regular file, or has changed since gprop wrote
+    it, or if another version of gprop wrote it.
     """
     folder = Path(work)
-    if not (folder / "field.ply").is_file():
+    if not (folder / "field.ply").exists():
         inside = folder / "gprop"
         hint = f"; did you mean {str(inside)!r}?" if (inside / "field.ply").is_file() else ""
         raise FileNotFoundError(f"{str(folder)!r} has no field.ply, so it is not the work folder of a finished run{hint}")
-    if not (folder / "run.json").is_file():
+    if not (folder / "run.json").exists():
         raise FileNotFoundError(f"{str(folder)!r} has no run.json, which says which results belong together; copy it too")
     current = _current_stages(folder / "run.json")
     if "vote" not in current:
         raise FileNotFoundError(f"{str(folder)!r} is not finished: the vote stage is not done; run gprop again")
-    labels = _json(folder / "labels.json")
-    measured = _json(folder / "parts.json") if "parts" in current else None
-    grasp = _json(folder / "grasp.json") if "grasp" in current else None
-    field = _read_ply(folder / "field.ply")
+    labels = _json(*_written(folder, "labels.json", current["vote"]))
+    measured = _json(*_written(folder, "parts.json", current["parts"])) if "parts" in current else None
+    grasp = _json(*_written(folder, "grasp.json", current["grasp"])) if "grasp" in current else None
+    field = _ply(*_written(folder, "field.ply", current["vote"]))
     try:
         # Without a metric scale there is no object.
         whole = (measured or {}).get("object") or {}
@@ -127,40 +136,99 @@ def load(work: str | Path) -> Result:
         raise ValueError(f"{str(folder)!r} is damaged: {problem}") from None
 
 
-def _json(path: Path):
+def _read(path: Path, length: int | None = None) -> bytes:
+    """The content of a regular file, of `length` bytes if that is known: reading a pipe would wait, and a device may never end."""
+    found = path.stat()
+    if not stat.S_ISREG(found.st_mode):
+        kinds = [(stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a named pipe"), (stat.S_ISSOCK, "a socket")]
+        kind = next((name for is_kind, name in kinds if is_kind(found.st_mode)), "a device")
+        raise ValueError(f"cannot read {str(path)!r}: it is {kind}, not a regular file")
+    return path.read_bytes() if length in (None, found.st_size) else b""
+
+
+def _written(folder: Path, name: str, files: dict) -> tuple:
+    """The path and the content of a file, which must be as the stage that lists it in `files` wrote it."""
+    path = folder / name
+    if name not in files or not path.exists():
+        raise ValueError(f"{str(path)!r} is missing, or run.json does not list it; run gprop again")
+    length, digest = files[name]
+    content = _read(path, length)
+    if hashlib.sha256(content).hexdigest() != digest:
+        raise ValueError(f"{str(path)!r} has changed since gprop wrote it; run gprop again")
+    return path, content
+
+
+def _json(path: Path, content: bytes):
+    """The value of JSON as the program reads it: without NaN, infinity, repeated keys, or nesting without end."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        text = content.decode("utf-8")
+        value = json.loads(text, parse_constant=_finite, parse_float=_finite, object_pairs_hook=_object)
+        level, depth = [value], 0
+        while containers := [inner for inner in level if isinstance(inner, (dict, list))]:
+            level = [inner for outer in containers for inner in (outer.values() if isinstance(outer, dict) else outer)]
+            depth += 1
+        if depth > _DEEPEST_JSON:
+            raise RecursionError
+        return value
+    except RecursionError:
+        raise ValueError(f"{str(path)!r} is damaged: it is nested more than {_DEEPEST_JSON} deep") from None
     except ValueError as error:
         raise ValueError(f"{str(path)!r} is damaged: {error}") from None
 
 
+def _finite(text: str) -> float:
+    number = float(text)
+    if not math.isfinite(number):
+        raise ValueError(f"the number {text[:40]} is out of range")
+    return number
+
+
+def _object(pairs: list) -> dict:
+    value = dict(pairs)
+    if len(value) != len(pairs):
+        raise ValueError("an object has a key twice")
+    return value
+
+
 def _current_stages(path: Path) -> dict:
-    """The digests of the stages that were done after all those that they read from."""
-    current = {}
+    """The stages that were done after all those that they read from, each with the length and SHA-256 of its files."""
+    digests, files = {}, {}
+    record = _json(path, _read(path))
     try:
+        writer, reader = record["version"], _version()
         # In the order of the data flow.
-        for stage in _json(path)["stages"]:
-            if all(current.get(name) == digest for name, digest in stage["inputs"]):
-                current[stage["name"]] = stage["digest"]
-    except (KeyError, TypeError) as error:
+        for stage in record["stages"]:
+            if all(digests.get(name) == digest for name, digest in stage["inputs"]):
+                digests[stage["name"]] = stage["digest"]
+                files[stage["name"]] = {file["path"]: (file["bytes"], file["sha256"]) for file in stage["outputs"]}
+    except (KeyError, TypeError, ValueError) as error:
         raise ValueError(f"{str(path)!r} is damaged: {error!r}; run gprop again") from None
-    return current
+    if reader not in (None, writer):
+        raise ValueError(f"{str(path)!r} was made by gprop {writer!r}, but this is {reader!r}; run gprop again")
+    return files
+
+
+def _version() -> str | None:
+    """The version of the wheel; None if this module was not installed by one."""
+    try:
+        return importlib.metadata.version("gprop")
+    except importlib.metadata.PackageNotFoundError:
+        return None
 
 
 def _parts(labels: list, measured: dict | None, field: np.ndarray) -> np.ndarray:
     bodies = {}
     for part in (measured or {"parts": []})["parts"]:
         bodies.setdefault(part["id"], []).append(part)
-    ids = _array([label["id"] for label in labels], np.int64)
-    part_of_gaussian = field["part_label"].astype(np.int64)
-    if not np.isin(part_of_gaussian, ids).all():
+    ids = _column_of(int, labels, "id")
+    if (np.diff(ids, prepend=0) <= 0).any():
+        raise ValueError("the labels in labels.json are not numbered in order, from 1 on")
+    if not np.isin(field["part_label"], ids).all():
         raise ValueError("field.ply has a part that labels.json does not list")
     columns = [
         ("id", ids),
-        ("caption", np.array([label["caption"] for label in labels], dtype=np.str_)),
-        ("material", np.array([label["material"] for label in labels], dtype=np.str_)),
-        ("family", np.array([label["family"] for label in labels], dtype=np.str_)),
-        ("gaussians", (part_of_gaussian == ids[:, None]).sum(axis=1)),
+        *((name, _column_of(str, labels, name)) for name in ("caption", "material", "family")),
+        ("gaussians", np.bincount(np.searchsorted(ids, field["part_label"]), minlength=len(labels))),
     ]
     columns += [(name, _column(labels, name, shape)) for name, shape in _PROPERTIES.items()]
     parts = [_combined(bodies.get(label["id"], [{}])) for label in labels]
@@ -197,15 +265,23 @@ def _moments(bodies: list) -> tuple:
 def _grasps(grasp: dict | None) -> np.ndarray:
     places = grasp["candidates"] if grasp else []
     columns = [
-        ("part_id", _array([place["part_id"] for place in places], np.int64)),
-        ("part", np.array([place["part"] for place in places], dtype=np.str_)),
-        ("feasible", _array([place["feasible"] for place in places], np.bool_)),
+        ("part_id", _column_of(int, places, "part_id")),
+        ("part", _column_of(str, places, "part")),
+        ("feasible", _column_of(bool, places, "feasible")),
     ]
     return _table(columns + [(name, _column(places, name, shape)) for name, shape in _GRASP.items()])
 
 
-def _array(values: list, dtype) -> np.ndarray:
-    return np.array(values, dtype=dtype)
+def _column_of(kind: type, rows: list, name: str) -> np.ndarray:
+    """The values called `name` of JSON objects, all of one type. Texts are Python objects: in a column of NumPy's own strings, each would
+    take as much memory as the longest."""
+    values = [row[name] for row in rows]
+    for value in values:
+        if type(value) is not kind:
+            raise TypeError(f"{name} is {type(value).__name__}, not {kind.__name__}")
+        if kind is str:
+            value.encode()  # fails for half a surrogate pair
+    return np.array(values, dtype={int: np.int64, str: object, bool: np.bool_}[kind])
 
 
 def _column(rows: list, name: str, shape: tuple) -> np.ndarray:
@@ -219,7 +295,10 @@ def _numbers(value, shape: tuple) -> np.ndarray:
         return np.full(shape, np.nan)
     if isinstance(value, dict):
         value = [value["low"], value["mid"], value["high"]]
-    return np.array(value, dtype=np.float64).reshape(shape)
+    flat = np.array(value, dtype=object).reshape(-1)
+    if not all(type(number) in (int, float) for number in flat):
+        raise TypeError(f"{str(value)[:40]} is not made of numbers")
+    return flat.astype(np.float64).reshape(shape)
 
 
 def _table(columns: list) -> np.ndarray:
@@ -231,15 +310,17 @@ def _table(columns: list) -> np.ndarray:
     return table
 
 
-def _read_ply(path: Path) -> np.ndarray:
+def _ply(path: Path, content: bytes) -> np.ndarray:
     """The vertices of a PLY as gprop writes it: binary, little endian, float32 properties only."""
-    data = path.read_bytes()
-    header, end, body = data.partition(b"end_header\n")
+    header, end, _ = content[:_LONGEST_HEADER].partition(b"end_header\n")
     lines = [line.split() for line in header.decode("ascii", "replace").splitlines()]
     counts = [line[2] for line in lines if line[:2] == ["element", "vertex"] and len(line) == 3]
-    count = int(counts[0]) if counts and counts[0].isdecimal() else None
     names = [line[2] for line in lines if line[:2] == ["property", "float"] and len(line) == 3]
-    whole = end and count is not None and ["format", "binary_little_endian", "1.0"] in lines
-    if not whole or len(body) != 4 * len(names) * count:
+    rows = [(name, "<f4") for name in names]
+    body_at = len(header) + len(end)
+    whole = end and ["format", "binary_little_endian", "1.0"] in lines and len(set(names)) == len(names)
+    whole = whole and {"x", "y", "z", "part_label"} <= set(names)
+    count, rest = divmod(len(content) - body_at, 4 * max(len(names), 1))
+    if not whole or rest != 0 or counts != [str(count)]:
         raise ValueError(f"{str(path)!r} is damaged: it is not a PLY as gprop writes it; run gprop again")
-    return np.frombuffer(body, dtype=[(name, "<f4") for name in names], count=count)
+    return np.frombuffer(content, dtype=rows, count=count, offset=body_at)

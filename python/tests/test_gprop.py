@@ -1,9 +1,11 @@
 """The Python door: on small work folders made here, and on the run of the hammer that scripts/test-wheel makes."""
 
 import doctest
+import hashlib
 import json
 import os
 import tempfile
+import tracemalloc
 import unittest
 from pathlib import Path
 
@@ -32,7 +34,9 @@ class Made(unittest.TestCase):
         values[:, 3] = [4, 2, 4]
         header = "ply\nformat binary_little_endian 1.0\nelement vertex 3\n"
         header += "".join(f"property float {name}\n" for name in names) + "end_header\n"
-        (self.folder / "field.ply").write_bytes(header.encode() + values.tobytes())
+        self.stages = [{"name": "vote", "digest": "v", "inputs": []}]
+        self.stages += [{"name": "parts", "digest": "p", "inputs": [["vote", "v"]]}]
+        self.write_bytes("field.ply", header.encode() + values.tobytes())
         label = {key: estimate(1.0) for key in ("density_kg_m3", "youngs_modulus_pa", "poisson_ratio")}
         label |= {key: estimate(1.0) for key in ("yield_strength_pa", "friction_rubber")}
         labels = [label | {"id": 2, "caption": "a cup", "material": "stoneware", "family": "ceramic"}]
@@ -43,15 +47,30 @@ class Made(unittest.TestCase):
         lid = {"id": 4, "volume_m3": None, "thickness_m": None, "mass_kg": None}
         lid |= {"center_of_mass_m": None, "inertia_kg_m2": None}
         self.write("parts.json", {"object": {"mass_kg": estimate(0.25)}, "parts": [cup, lid]})
-        self.stages = [{"name": "vote", "digest": "v", "inputs": []}]
-        self.stages += [{"name": "parts", "digest": "p", "inputs": [["vote", "v"]]}]
-        self.write_run()
 
     def write_run(self):
-        self.write("run.json", {"stages": self.stages})
+        """Writes run.json, with the checksums of the files that are there."""
+        for stage in self.stages:
+            files = {"vote": ["field.ply", "labels.json"], "parts": ["parts.json"], "grasp": ["grasp.json"]}[stage["name"]]
+            there = [name for name in files if (self.folder / name).is_file()]
+            stage["outputs"] = [{"path": name} | self.checksum(name) for name in there]
+        record = {"version": gprop._version() or "0.1.0", "stages": self.stages}
+        (self.folder / "run.json").write_text(json.dumps(record))
+
+    def checksum(self, name):
+        content = (self.folder / name).read_bytes()
+        return {"bytes": len(content), "sha256": hashlib.sha256(content).hexdigest()}
 
     def write(self, name, value):
-        (self.folder / name).write_text(json.dumps(value))
+        self.write_bytes(name, json.dumps(value).encode())
+
+    def write_bytes(self, name, content):
+        (self.folder / name).write_bytes(content)
+        self.write_run()
+
+    def assert_refused(self, words):
+        with self.assertRaisesRegex(ValueError, words):
+            gprop.load(self.folder)
 
     def test_parts_and_masses(self):
         cup = gprop.load(self.folder)
@@ -139,35 +158,91 @@ class Made(unittest.TestCase):
             gprop.load(self.folder)
 
     def test_damaged_files_are_refused(self):
-        whole, labels = (self.folder / "field.ply").read_bytes(), (self.folder / "labels.json").read_text()
-        for damaged in (whole[:-1], whole + b"0", b"ply\n", whole.replace(b"little", b"big")):
-            (self.folder / "field.ply").write_bytes(damaged)
-            with self.assertRaisesRegex(ValueError, "field.ply"):
-                gprop.load(self.folder)
-        (self.folder / "field.ply").write_bytes(whole)
-        for damaged in (b"vertex many\n", b"vertex\n"):
-            (self.folder / "field.ply").write_bytes(whole.replace(b"vertex 3\n", damaged))
-            with self.assertRaisesRegex(ValueError, "field.ply"):
-                gprop.load(self.folder)
-        (self.folder / "field.ply").write_bytes(whole)
-        (self.folder / "labels.json").write_text("[")
-        with self.assertRaisesRegex(ValueError, "labels.json"):
-            gprop.load(self.folder)
+        whole, labels = (self.folder / "field.ply").read_bytes(), (self.folder / "labels.json").read_bytes()
+        headers = (b"vertex many\n", b"vertex\n", b"vertex " + b"9" * 5000 + b"\n")
+        damaged_fields = [whole[:-1], whole + b"0", b"ply\n", whole.replace(b"little", b"big"), b""]
+        damaged_fields += [whole.replace(b"vertex 3\n", header) for header in headers]
+        damaged_fields += [whole.replace(b"float y", b"float x"), whole.replace(b"part_label", b"part_ label")]
+        damaged_fields += [b"ply\n" + b"comment c\n" * 200_000 + whole[4:]]
+        for damaged in damaged_fields:
+            self.write_bytes("field.ply", damaged)
+            self.assert_refused("field.ply")
+        for label in (3, -1, 2.5, np.nan):
+            self.write_bytes("field.ply", whole[:-60] + np.array([0, 0, 0, label, 0] * 3, dtype="<f4").tobytes())
+            self.assert_refused("does not list")
+        self.write_bytes("field.ply", whole)
+        self.write_bytes("labels.json", b"[")
+        self.assert_refused("labels.json")
         cup, lid = json.loads(labels)
         # The second has a label less than field.ply, the third a number that no 64 bits hold.
-        for damaged in ({}, [cup], [cup, lid | {"id": 10**30}], [{}], [3]):
+        damaged_labels = [{}, [cup], [cup, lid | {"id": 10**30}], [{}], [3], [lid, cup], [cup, lid | {"id": 4.0}], [cup | {"id": 0}, lid], [cup, cup, lid]]
+        damaged_labels += [[cup, lid | {"caption": caption}] for caption in (3, None, "\ud800")]
+        damaged_labels += [[cup, lid | {"density_kg_m3": value}] for value in ("1", [True] * 3, {"low": 1}, [1, [2, 3]])]
+        for damaged in damaged_labels:
             self.write("labels.json", damaged)
-            with self.assertRaisesRegex(ValueError, "gprop' is damaged"):
-                gprop.load(self.folder)
-        (self.folder / "labels.json").write_text(labels)
+            self.assert_refused("gprop' is damaged")
+        self.write_bytes("labels.json", labels)
         for damaged in ([1], {"object": None}, {"object": 3, "parts": []}):
             self.write("parts.json", damaged)
-            with self.assertRaisesRegex(ValueError, "gprop' is damaged"):
+            self.assert_refused("gprop' is damaged")
+        for damaged in ({}, [], {"stages": [{"name": "vote"}]}, {"version": "0.1.0", "stages": 3}):
+            (self.folder / "run.json").write_text(json.dumps(damaged))
+            self.assert_refused("run.json")
+
+    def test_json_that_the_program_refuses_is_refused(self):
+        deep = "labels.json' is damaged: it is nested more than 127 deep"
+        damaged = [(b"[" * depth + b"]" * depth, deep) for depth in (128, 2000, 100_000)]
+        damaged += [(b"[" * 100_000, deep), (b'{"a":' * 200 + b"1" + b"}" * 200, deep)]
+        damaged += [(b"[NaN]", "out of range"), (b"[-Infinity]", "out of range"), (b"[1e999]", "out of range")]
+        damaged += [(b'[{"id": 0, "id": 1}]', "a key twice"), (b"\xff", "labels.json"), (b"\xef\xbb\xbf[]", "labels.json")]
+        for content, words in damaged:
+            self.write_bytes("labels.json", content)
+            self.assert_refused(words)
+        self.write_bytes("labels.json", b"[" * 127 + b"]" * 127)
+        self.assert_refused("gprop' is damaged")
+
+    def test_files_that_are_no_regular_files_are_refused_at_once(self):
+        for name in ("field.ply", "labels.json", "parts.json", "run.json"):
+            path = self.folder / name
+            content = path.read_bytes()
+            path.unlink()
+            os.mkfifo(path)
+            self.assert_refused(f"{name}': it is a named pipe, not a regular file")
+            path.unlink()
+            path.symlink_to("/dev/zero")
+            self.assert_refused(f"{name}': it is a device, not a regular file")
+            path.unlink()
+            path.write_bytes(content)
+        gprop.load(self.folder)
+
+    def test_files_that_changed_since_are_refused(self):
+        for name in ("field.ply", "labels.json", "parts.json"):
+            content = (self.folder / name).read_bytes()
+            for changed in (content[:-1] + b" ", content + b" ", content[:-1]):
+                (self.folder / name).write_bytes(changed)
+                self.assert_refused(f"{name}' has changed since gprop wrote it")
+            # A terabyte of nothing, which is not read.
+            os.truncate(self.folder / name, 1 << 40)
+            self.assert_refused(f"{name}' has changed since gprop wrote it")
+            (self.folder / name).unlink()
+            with self.assertRaises((ValueError, FileNotFoundError)):
                 gprop.load(self.folder)
-        for damaged in ({}, [], {"stages": [{"name": "vote"}]}):
-            self.write("run.json", damaged)
-            with self.assertRaisesRegex(ValueError, "run.json"):
-                gprop.load(self.folder)
+            (self.folder / name).write_bytes(content)
+        record = json.loads((self.folder / "run.json").read_text())
+        if gprop._version():
+            (self.folder / "run.json").write_text(json.dumps(record | {"version": "0.0.1"}))
+            self.assert_refused("made by gprop '0.0.1'")
+
+    def test_one_long_caption_takes_its_own_memory_only(self):
+        (label, _), words = json.loads((self.folder / "labels.json").read_text()), "a cup " * 170_000
+        self.write("labels.json", [label | {"id": id, "caption": words if id == 8 else "a cup"} for id in range(1, 1501)])
+        self.write("parts.json", {"object": None, "parts": []})
+        tracemalloc.start()
+        self.addCleanup(tracemalloc.stop)
+        found = gprop.load(self.folder).parts["caption"]
+        self.assertEqual((len(found), found[7]), (1500, words))
+        # The caption has a megabyte; as a column of NumPy's strings, it would take 1500 times four.
+        self.assertLess(tracemalloc.get_traced_memory()[1], 64e6)
 
 
 @unittest.skipUnless(PLACE, "GPROP_PLACE names no folder with hammer/gprop")
