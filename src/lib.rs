@@ -10,7 +10,10 @@
 //! # use gprop::setup;
 //! # use gprop::words::progress::Progress;
 //! # // Without SAM there is nothing to show.
-//! # if setup::obtain(&setup::Options::default(), Progress::Hidden).is_err() { return Ok::<(), Box<dyn std::error::Error>>(()) }
+//! # if setup::obtain(&setup::Options::default(), Progress::Hidden).is_err() {
+//! #     assert!(std::env::var_os("GPROP_NO_SKIP").is_none(), "no SAM, and GPROP_NO_SKIP is set");
+//! #     return Ok::<(), Box<dyn std::error::Error>>(());
+//! # }
 //! let work = tempfile::tempdir()?;
 //! let mut options = gprop::Options::of_scene("fixtures/hammer")?;
 //! // Two of its views and coarse volumes, to be quick.

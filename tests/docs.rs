@@ -28,7 +28,7 @@ use serde_json::json;
 use tempfile::TempDir;
 
 use crate::run::{QUICK, give_segments, gprop, hammer};
-use crate::support::{models, skipped};
+use crate::support::{models, shared, shared_if_there};
 
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
@@ -158,10 +158,8 @@ fn place() -> TempDir {
     .unwrap();
     // Trajectories of a peer, which only a development checkout has.
     #[cfg(unix)]
-    for folder in ["../shared/reference", "../../shared/reference"].map(|folder| root().join(folder)) {
-        if folder.exists() && !at("reference").exists() {
-            std::os::unix::fs::symlink(folder, at("reference")).unwrap();
-        }
+    if let Some(folder) = shared_if_there("reference") {
+        std::os::unix::fs::symlink(folder, at("reference")).unwrap();
     }
     place
 }
@@ -476,7 +474,8 @@ fn assert_json(command: &str, output: &Output) {
 #[cfg(unix)]
 #[test]
 fn every_command_in_a_block_runs_and_prints_json_where_asked_to() {
-    if models("every_command_in_a_block_runs_and_prints_json_where_asked_to").is_none() {
+    const TEST: &str = "every_command_in_a_block_runs_and_prints_json_where_asked_to";
+    if models(TEST).is_none() {
         return;
     }
     let place = place();
@@ -511,8 +510,7 @@ fn every_command_in_a_block_runs_and_prints_json_where_asked_to() {
         }
     }
     for command in MORE_WITH_A_RESULT {
-        if command.contains(" reference/") && !place.path().join("reference").exists() {
-            skipped("every_command_in_a_block_runs_and_prints_json_where_asked_to", command);
+        if command.contains(" reference/") && shared(TEST, "reference").is_none() {
             continue;
         }
         assert_json(command, &run(&[words(command), vec!["--json".to_owned()]].concat()));

@@ -16,6 +16,8 @@ use nalgebra::{Matrix3, Matrix4};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use crate::support::shared;
+
 fn fixture() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/hammer"))
 }
@@ -95,11 +97,7 @@ fn the_fixture_is_aligned() {
 /// The plush toy of a full-room capture: no alpha, no masks.
 #[test]
 fn the_plush_and_not_the_room_is_the_object() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/captures/miku_plush");
-    if !folder.exists() {
-        eprintln!("skipped: {} is not there", folder.display());
-        return;
-    }
+    let Some(folder) = shared("the_plush_and_not_the_room_is_the_object", "captures/miku_plush") else { return };
     let options =
         Options { view_list: vec!["20240212_003927".to_owned(), "20240212_004018".to_owned()], ..Options::default() };
     let found = inspected(&folder, &options);

@@ -103,14 +103,37 @@ fn without_pip_npm_is_tried() {
 }
 
 #[test]
+fn clients_are_asked_for_the_package_and_nothing_else() {
+    let note = |name: &str| format!("echo \"$TMPDIR $PWD $@\" > \"$0.{name}\"; exit 1");
+    let machine = Machine::new().with_client("python3", &note("called")).with_client("npm", &note("called"));
+    machine.failure(&Options::default());
+    for (client, quiet) in [
+        ("python3", ["--disable-pip-version-check", "--no-input", "--no-cache-dir"]),
+        ("npm", ["--no-update-notifier", "--no-audit", "--cache=npm-cache"]),
+    ] {
+        let called = fs::read_to_string(machine.folder.path().join(format!("bin/{client}.called"))).unwrap();
+        assert_says(&called, &quiet);
+        let mut words = called.split(' ');
+        let (temporary, work) = (words.next().unwrap(), words.next().unwrap());
+        assert!(
+            temporary == work && Path::new(work).starts_with(machine.environment.cache.as_ref().unwrap()),
+            "{called}"
+        );
+    }
+}
+
+#[test]
 fn offline_says_what_is_missing_and_how_to_get_it() {
     let offline_flag = Options { offline: true, ..Options::default() };
-    // A client that leaves a trace if it is run.
-    let mut machine = Machine::new().with_client("python3", "touch \"$0.was-run\"");
+    // Clients that leave a trace if they are run.
+    let trace = "touch \"$0.was-run\"";
+    let mut machine = Machine::new().with_client("python3", trace).with_client("npm", trace);
     assert_says(&machine.failure(&offline_flag), &["ONNX Runtime", "gprop setup", "--offline", "--ort-lib"]);
     machine.environment.offline = true;
     assert_says(&machine.failure(&Options::default()), &["GPROP_OFFLINE"]);
-    assert!(!machine.folder.path().join("bin/python3.was-run").exists());
+    assert!(
+        ["python3", "npm"].iter().all(|client| !machine.folder.path().join(format!("bin/{client}.was-run")).exists())
+    );
 }
 
 #[test]
@@ -194,7 +217,8 @@ static BASE: Base = Base { api, version };
 #[unsafe(no_mangle)] pub extern "C" fn OrtGetApiBase() -> *const Base { &BASE }
 "#;
 
-fn build_library(folder: &Path, name: &str, code: &str) -> PathBuf {
+/// Compiles Rust `code` to a shared library in `folder`.
+pub fn build_library(folder: &Path, name: &str, code: &str) -> PathBuf {
     let source = folder.join(format!("{name}.rs"));
     let library = folder.join(format!("lib{name}.so"));
     fs::write(&source, code).unwrap();

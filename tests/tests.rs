@@ -9,6 +9,9 @@ mod inspect;
 mod scene;
 // Finding, fetching and checking ONNX Runtime and SAM.
 mod setup;
+// What loaded libraries may not do: connect, resolve names, write.
+#[cfg(target_os = "linux")]
+mod libraries;
 // SAM's masks against the reference generator; label maps.
 mod segment;
 // The material library.

@@ -245,10 +245,11 @@ class Made(unittest.TestCase):
         self.assertLess(tracemalloc.get_traced_memory()[1], 64e6)
 
 
-@unittest.skipUnless(PLACE, "GPROP_PLACE names no folder with hammer/gprop")
+@unittest.skipUnless(PLACE or os.environ.get("GPROP_NO_SKIP"), "GPROP_PLACE names no folder with hammer/gprop")
 class Page(unittest.TestCase):
     def test_the_page_shows_what_it_says(self):
         self.addCleanup(os.chdir, os.getcwd())
+        self.assertTrue(PLACE, "GPROP_NO_SKIP is set")
         os.chdir(PLACE)
         options = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
         outcome = doctest.testfile(str(PAGE), module_relative=False, optionflags=options)

@@ -92,19 +92,18 @@ pub const SAM: Package = Package {
 };
 
 impl Client {
-    /// The program and arguments that download the package's archive into the current folder.
+    /// The program and arguments that download the package's archive into the current folder, and nothing else: no
+    /// look for a newer client, no audit, and no cache or log of the client's own elsewhere.
     pub fn command(self, requirement: &'static str) -> (&'static str, Vec<&'static str>) {
-        match self {
+        let (program, arguments) = match self {
             Self::Pip => (
                 "python3",
-                "-m pip download --no-deps --only-binary=:all: --implementation cp --python-version 3.12 \
-                 --platform manylinux_2_28_x86_64"
-                    .split_whitespace()
-                    .chain([requirement])
-                    .collect(),
+                "-B -m pip download --disable-pip-version-check --no-input --no-cache-dir --no-deps --only-binary=:all: \
+                 --implementation cp --python-version 3.12 --platform manylinux_2_28_x86_64",
             ),
-            Self::Npm => ("npm", vec!["pack", requirement]),
-        }
+            Self::Npm => ("npm", "pack --no-update-notifier --no-audit --no-fund --cache=npm-cache"),
+        };
+        (program, arguments.split_whitespace().chain([requirement]).collect())
     }
 
     /// Extension of the archive that the client writes.

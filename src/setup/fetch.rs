@@ -78,7 +78,13 @@ fn remove_abandoned(cache: &Path) {
 fn run_client(package: &Package, workplace: &Path, environment: &Environment) -> Result<(), Attempt> {
     let (program, arguments) = package.client.command(package.requirement);
     let mut command = Command::new(program);
-    command.args(arguments).current_dir(workplace).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::piped());
+    command
+        .args(arguments)
+        .current_dir(workplace)
+        .env("TMPDIR", workplace)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped());
     if let Some(path) = &environment.path {
         command.env("PATH", path);
     }

@@ -6,6 +6,7 @@ use std::mem::ManuallyDrop;
 use std::path::Path;
 
 use super::catalog::OLDEST_ONNXRUNTIME;
+use super::confined::confined;
 use super::error::{SetupError, platform};
 
 /// The head of ONNX Runtime's C interface, which has been stable since its first release (`onnxruntime_c_api.h`).
@@ -21,6 +22,10 @@ struct OrtApiBase {
 /// # Errors
 /// If it cannot be loaded, is not ONNX Runtime, or is older than [`OLDEST_ONNXRUNTIME`].
 pub fn version(path: &Path, given_by: &'static str) -> Result<String, SetupError> {
+    confined(|| version_here(path, given_by))
+}
+
+fn version_here(path: &Path, given_by: &'static str) -> Result<String, SetupError> {
     let not_onnxruntime = || SetupError::NotOnnxRuntime { given_by, path: path.to_owned() };
     // dlopen would search the system for a bare name; this must be the file that was checked.
     let absolute = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());

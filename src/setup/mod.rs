@@ -4,6 +4,7 @@
 //! fetched by the registries' own clients, checked against the SHA-256 in [`catalog`], and renamed into place.
 
 pub mod catalog;
+mod confined;
 mod doctor;
 mod environment;
 mod error;
@@ -21,6 +22,7 @@ use crate::words::progress::Progress;
 use catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, Package, SAM};
 use fetch::Attempt;
 
+pub use confined::{NO_TELEMETRY, confine_this_thread, confined};
 pub use doctor::{Doctor, RuntimeState, SamState};
 pub use environment::{Environment, Offline};
 pub use error::SetupError;

@@ -13,7 +13,7 @@ use gprop::vote::{FieldLabel, MaterialField};
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use crate::support::Shared;
+use crate::support::{Shared, shared_if_there};
 
 /// A part in `ground_truth/parts.json`.
 #[derive(Debug, Clone, Deserialize)]
@@ -61,14 +61,9 @@ pub fn hammer() -> PathBuf {
 }
 
 /// The folder of a scene beside the crate if it exists, or else its fixture, whose splat is compressed.
-pub fn beside(name: &str) -> Option<PathBuf> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folders = ["../shared/scenes", "../../shared/scenes", "fixtures"].map(|folder| root.join(folder).join(name));
-    let found = folders.into_iter().find(|folder| folder.is_dir());
-    if found.is_none() {
-        println!("skipped {name}: no ../shared/scenes");
-    }
-    found
+pub fn beside(name: &str) -> PathBuf {
+    let fixture = || Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(name);
+    shared_if_there(&format!("scenes/{name}")).unwrap_or_else(fixture)
 }
 
 pub fn load(folder: &Path) -> (Scene, Truth) {

@@ -23,7 +23,7 @@ mod places;
 mod kept;
 mod labels;
 // GPROP_OFFLINE and --offline, tested with sockets.
-mod offline;
+pub mod offline;
 mod options;
 // Mock servers of other projects, if they are installed.
 mod peers;

@@ -12,7 +12,7 @@ use proptest::prelude::*;
 use serde_json::json;
 
 use super::folder::{MadeUp, assert_message, hammer, options};
-use super::formats::shared;
+use crate::support::shared;
 
 /// COLMAP's models with their numbers, parameters, and the lens that these describe.
 fn colmap_models() -> Vec<(i32, &'static str, Vec<f64>, Distortion)> {
@@ -649,7 +649,8 @@ fn align_undoes_another_convention() {
 
 #[test]
 fn captures_of_others_are_read() {
-    if let Some(folder) = shared("captures/miku_plush") {
+    const TEST: &str = "captures_of_others_are_read";
+    if let Some(folder) = shared(TEST, "captures/miku_plush") {
         let load = |cameras: &str| {
             let options = Options { cameras: Some(folder.join(cameras)), ..Options::default() };
             scene::load(&folder, &options).unwrap()
@@ -662,12 +663,12 @@ fn captures_of_others_are_read() {
         assert_eq!(load("cameras.json").views.len(), 49);
         assert!(load("cameras_original.json").warnings[1].contains("3958 x 2968, found 989 x 742"));
     }
-    if let Some(mouse) = shared("formats/colmap/mouse/sparse/0") {
+    if let Some(mouse) = shared(TEST, "formats/colmap/mouse/sparse/0") {
         let cameras = colmap::parse_cameras_binary(&std::fs::read(mouse.join("cameras.bin")).unwrap()).unwrap();
         let images = colmap::parse_images_binary(&std::fs::read(mouse.join("images.bin")).unwrap()).unwrap();
         assert_eq!((cameras.len(), images.len()), (56, 56));
     }
-    if let Some(fox) = shared("formats/nerfstudio/fox_transforms.json") {
+    if let Some(fox) = shared(TEST, "formats/nerfstudio/fox_transforms.json") {
         let capture = transforms::parse(&std::fs::read(fox).unwrap()).unwrap();
         let lens = capture.frames[0].declared;
         assert_eq!(
@@ -676,7 +677,7 @@ fn captures_of_others_are_read() {
         );
         assert_eq!(lens.distortion, Distortion::opencv(0.0578421, -0.0805099, -0.000980296, 0.00015575, 0.0));
     }
-    if let Some(lego) = shared("formats/blender/lego_transforms_train.json") {
+    if let Some(lego) = shared(TEST, "formats/blender/lego_transforms_train.json") {
         let capture = transforms::parse(&std::fs::read(lego).unwrap()).unwrap();
         assert_eq!(capture.frames[0].declared.fx, Focal::Angle(0.6911112070083618));
         assert_eq!(capture.frames.len(), 100);

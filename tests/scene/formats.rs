@@ -14,15 +14,7 @@ use gprop::scene::splat::spz;
 use gprop::scene::{self, Options};
 use proptest::prelude::*;
 
-/// A file of the shared data; `None`, with a message, if it does not exist.
-pub fn shared(path: &str) -> Option<PathBuf> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared").join(path);
-    if !path.exists() {
-        eprintln!("skipped: {} is not there", path.display());
-        return None;
-    }
-    Some(path)
-}
+use crate::support::shared;
 
 fn close(a: &[f32], b: &[f32], tolerance: f32) -> bool {
     a.iter().zip(b).all(|(a, b)| (a - b).abs() <= tolerance)
@@ -288,14 +280,16 @@ fn a_bad_compressed_ply_is_refused() {
 #[test]
 fn the_plant_looks_the_same_in_every_format() {
     const LEAST_DB: f64 = 45.0;
-    let Some(folder) = shared("captures/plant") else { return };
+    let Some(folder) = shared("the_plant_looks_the_same_in_every_format", "captures/plant") else { return };
     let scene = scene::load(&folder, &Options::default()).unwrap();
     let mut camera = scene.views[0].camera.clone();
     camera.intrinsics = camera.intrinsics.resized(240, 240);
     let picture = |gaussians: &Gaussians| render(gaussians, &camera, &RenderOptions::default()).rgb;
     let original = picture(&scene.gaussians);
     for path in ["splat/plant.splat", "spz/plant.spz", "compressed_ply/plant.compressed.ply"] {
-        let Some(file) = shared(&format!("formats/{path}")) else { continue };
+        let Some(file) = shared("the_plant_looks_the_same_in_every_format", &format!("formats/{path}")) else {
+            continue;
+        };
         let options = Options { splat: Some(file), ..Options::default() };
         let found = scene::load(&folder, &options).unwrap().gaussians;
         assert_eq!(found.len(), scene.gaussians.len());
@@ -321,7 +315,7 @@ fn files_of_other_programs_are_read() {
         ("formats/ply/hammer_10k_no_sh.ply", 10_000),
     ];
     for (path, count) in counts {
-        let Some(file) = shared(path) else { continue };
+        let Some(file) = shared("files_of_other_programs_are_read", path) else { continue };
         let bytes = std::fs::read(&file).unwrap();
         let loaded = match file.extension().unwrap().to_str() {
             Some("spz") => spz::parse(&bytes).unwrap(),
@@ -420,7 +414,7 @@ fn a_bad_ksplat_is_refused() {
 
 #[test]
 fn the_sample_ksplat_is_read() {
-    let Some(path) = shared("formats/ksplat/minimal.ksplat") else { return };
+    let Some(path) = shared("the_sample_ksplat_is_read", "formats/ksplat/minimal.ksplat") else { return };
     let gaussians = ksplat::parse(&std::fs::read(path).unwrap()).unwrap().gaussians;
     assert!(!gaussians.is_empty());
     assert!((0..gaussians.len()).all(|i| gaussians.is_usable(i)));
@@ -509,7 +503,8 @@ fn a_bad_sog_is_refused() {
 /// splat-transform made the bundle from the splat beside it; its writer sorts the Gaussians.
 #[test]
 fn a_sog_bundle_and_its_folder_are_the_same_splat() {
-    let Some(path) = shared("formats/sog/plant.sog") else { return };
+    const TEST: &str = "a_sog_bundle_and_its_folder_are_the_same_splat";
+    let Some(path) = shared(TEST, "formats/sog/plant.sog") else { return };
     let bundle = sog::parse(&std::fs::read(&path).unwrap()).unwrap().gaussians;
     let folder = tempfile::tempdir().unwrap();
     let mut archive = zip::ZipArchive::new(std::fs::File::open(&path).unwrap()).unwrap();
@@ -520,7 +515,7 @@ fn a_sog_bundle_and_its_folder_are_the_same_splat() {
     let there: BTreeSet<_> = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path()).collect();
     assert_eq!(read, there, "the scene's hash covers every file");
     assert_eq!(bundle.len(), 113_648);
-    let Some(splat) = shared("formats/splat/plant.splat") else { return };
+    let Some(splat) = shared(TEST, "formats/splat/plant.splat") else { return };
     let original = splat::parse(&std::fs::read(splat).unwrap()).unwrap().gaussians;
     let nearest = gprop::numeric::nearest::Nearest::new(original.positions.iter().copied());
     let (mut farthest, mut off) = (0f32, [0f32; 2]);

@@ -1,7 +1,7 @@
 //! SAM's masks against the reference generator's, and segments of whole views.
 
 // Every form of a SAM export, broken ones, kept embeddings.
-mod models;
+pub mod models;
 // Pictures of every kind, and the files written for them.
 mod pictures;
 
@@ -28,12 +28,7 @@ fn root() -> &'static Path {
 
 /// The reference masks, which are not distributed with gprop.
 fn references(test: &str) -> Option<PathBuf> {
-    let folder = root().join("../shared/reference/sam");
-    let folder = folder.is_dir().then_some(folder).or_else(|| std::env::var_os("GPROP_SAM_REFERENCE").map(Into::into));
-    if folder.is_none() {
-        support::skipped(test, "there is no folder of reference masks; GPROP_SAM_REFERENCE may name one");
-    }
-    folder
+    support::shared(test, "reference/sam")
 }
 
 /// The same count within 2%, overlaps of at least 0.98 on average and 0.90 each, and similar scores.

@@ -18,17 +18,12 @@ use gprop::vote::FieldLabel;
 use gprop::words::progress::Progress;
 use nalgebra::Vector3;
 
-use crate::support::skipped;
+use crate::support::shared;
 
-/// The reference `name`; `None`, with a message, if this is not a development checkout.
+/// The reference `name`; `None`, with a message, if it is not there.
 fn reference(test: &str, name: &str) -> Option<Npz> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let folders = ["../shared/reference/mpm", "../../shared/reference/mpm"].map(|folder| root.join(folder));
-    let bytes = folders.iter().find_map(|folder| std::fs::read(folder.join(name)).ok());
-    if bytes.is_none() {
-        skipped(test, &format!("no ../shared/reference/mpm/{name}"));
-    }
-    bytes.map(|bytes| Npz::new(bytes).unwrap())
+    let path = shared(test, &format!("reference/mpm/{name}"))?;
+    Some(Npz::new(std::fs::read(path).unwrap()).unwrap())
 }
 
 /// One law each; all ten trajectories take minutes and go through `gprop evaluate simulation`.

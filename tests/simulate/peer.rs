@@ -14,17 +14,15 @@ use nalgebra::Vector3;
 use serde_json::Value;
 
 use super::{particles_of, totals};
-use crate::support::skipped;
+use crate::support::shared;
 
 /// A NumPy archive of little-endian arrays.
 struct Npz(zip::ZipArchive<Cursor<Vec<u8>>>);
 
 impl Npz {
-    /// The reference `name`; `None` if this is not a development checkout.
+    /// The reference `name`; `None`, with a message, if it is not there.
     fn reference(name: &str) -> Option<Self> {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let folders = ["../shared/reference/mpm", "../../shared/reference/mpm"].map(|folder| root.join(folder));
-        let bytes = folders.iter().find_map(|folder| std::fs::read(folder.join(name)).ok())?;
+        let bytes = std::fs::read(shared("follows_the_peer", &format!("reference/mpm/{name}"))?).unwrap();
         Some(Self(zip::ZipArchive::new(Cursor::new(bytes)).unwrap()))
     }
 
@@ -59,10 +57,7 @@ impl Npz {
 /// Largest distance of the centres of mass, m, and difference of the kinetic energies over their maximum, over all
 /// frames.
 fn deviation(name: &str) -> Option<(f64, f64)> {
-    let Some(mut npz) = Npz::reference(name) else {
-        skipped("follows_the_peer", &format!("no ../shared/reference/mpm/{name}"));
-        return None;
-    };
+    let mut npz = Npz::reference(name)?;
     let meta = npz.meta();
     let number = |key: &str| meta["params"][key].as_f64().unwrap();
     let (mu, lambda) = lame(number("E"), number("nu"));

@@ -14,9 +14,40 @@ use gprop::setup::{self, ModelFiles, SetupError};
 use gprop::words::progress::Progress;
 use serde_json::Value;
 
-/// Reports on stderr, bypassing the harness's capture, that a test did not run and why.
+/// Reports on stderr, bypassing the harness's capture, that a test or a part of it did not run and why. With
+/// `GPROP_NO_SKIP=1`, as in `.ci/run`, it fails instead. Every test that skips anything calls this.
+#[track_caller]
 pub fn skipped(test: &str, why: &str) {
+    assert!(!is_set("GPROP_NO_SKIP"), "{test} cannot run, and GPROP_NO_SKIP is set: {why}");
+    say_skipped(test, why);
+}
+
+fn say_skipped(test: &str, why: &str) {
     let _ = writeln!(std::io::stderr(), "skipped {test}: {why}");
+}
+
+fn is_set(variable: &str) -> bool {
+    std::env::var_os(variable).is_some_and(|value| !value.is_empty() && value != "0")
+}
+
+/// A file or folder of the data of others that lies beside a development checkout because gprop may not distribute it; if
+/// it is not there, the test is [`skipped`]. With `GPROP_NO_DATA=1`, that is no failure.
+#[track_caller]
+pub fn shared(test: &str, path: &str) -> Option<PathBuf> {
+    let found = shared_if_there(path);
+    let why = format!("no ../shared/{path}");
+    match found {
+        Some(_) => {}
+        None if is_set("GPROP_NO_DATA") => say_skipped(test, &why),
+        None => skipped(test, &why),
+    }
+    found
+}
+
+/// As [`shared`], for tests that can do with something else.
+pub fn shared_if_there(path: &str) -> Option<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    ["../shared", "../../shared"].map(|folder| root.join(folder).join(path)).into_iter().find(|path| path.exists())
 }
 
 /// ONNX Runtime and SAM as any user gets them; `None`, with a message, if they cannot be obtained (no network, offline,

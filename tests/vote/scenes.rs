@@ -7,6 +7,8 @@ use gprop::camera::Camera;
 use gprop::scene::{self, Scene, View};
 use gprop::segment::LabelMap;
 
+use crate::support::shared;
+
 /// A scene with its held-out views.
 pub struct Measured {
     pub folder: PathBuf,
@@ -32,14 +34,8 @@ pub fn all() -> &'static [Measured] {
 }
 
 fn load_all() -> Vec<Measured> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let others = ["../shared/scenes", "../../shared/scenes"].map(|folder| root.join(folder));
-    let mut folders = vec![root.join("fixtures/hammer")];
-    match others.iter().find(|folder| folder.is_dir()) {
-        Some(folder) => folders.extend(["mug", "table_lamp", "chair"].map(|name| folder.join(name))),
-        None => println!("skipped mug, table_lamp and chair: no ../shared/scenes"),
-    }
-    folders.into_iter().map(|folder| load(&folder)).collect()
+    let others = ["mug", "table_lamp", "chair"].map(|name| shared("vote::scenes", &format!("scenes/{name}")));
+    std::iter::once(hammer()).chain(others.iter().flatten().map(|folder| load(folder))).collect()
 }
 
 /// The fixture.

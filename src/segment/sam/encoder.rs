@@ -4,14 +4,13 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use ort::session::Session;
 use ort::value::{Outlet, TensorRef, ValueType};
 use tracing::debug;
 
 use super::super::error::SegmentError;
 use super::mismatch::Mismatch;
 use super::pool::Pool;
-use super::runtime::{self, Runtime};
+use super::runtime::{self, Runtime, Session};
 use super::{EMBEDDING, Embedding, MODEL_SIDE, external, not_sam, unloadable};
 
 const ENCODER: &str = "a SAM image encoder ([1,3,1024,1024] float32 to [1,256,64,64])";

@@ -2,12 +2,12 @@
 //! the prompt encoder, and once per image the embedding and its positional encoding.
 
 use crate::sam::{CHANNELS, MASKS, MaskDecoder, PreparedEmbedding, Scratch, TOKENS};
-use ort::session::{Session, SessionOutputs};
+use ort::session::SessionOutputs;
 
 use super::super::graph::Model;
 use super::super::mismatch::Mismatch;
 use super::super::pool::Pool;
-use super::super::runtime::{self, Runtime};
+use super::super::runtime::{self, Runtime, Session};
 use super::super::{Decoded, Embedding};
 use super::Wanted;
 use super::feed::{PromptShape, feed, standard_inputs};

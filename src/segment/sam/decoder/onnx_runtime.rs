@@ -1,11 +1,9 @@
 //! The decoder run by ONNX Runtime, completely for every prompt.
 
-use ort::session::Session;
-
 use super::super::graph::Model;
 use super::super::mismatch::Mismatch;
 use super::super::pool::Pool;
-use super::super::runtime::{self, Runtime};
+use super::super::runtime::{self, Runtime, Session};
 use super::super::{Decoded, Embedding};
 use super::feed::{PromptShape, feed, standard_inputs};
 use super::four_masks::FourMasks;
