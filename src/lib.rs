@@ -30,6 +30,10 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
+//! Nothing leaves the machine unless it is asked for. ONNX Runtime would send telemetry; gprop keeps it from the network, and
+//! if the environment has `ORT_DISABLE_TELEMETRY=1` when your `main` starts other threads, it does not even try
+//! ([`setup::NO_TELEMETRY`]).
+//!
 //! The stages can also be called one by one, on values in memory: each module below has a function for its own stage
 //! ([`vote::vote`], [`parts::parts`], [`simulate::simulate`], [`grasp::grasp`]).
 //!

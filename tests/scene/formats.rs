@@ -2,7 +2,6 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
-use std::path::{Path, PathBuf};
 
 use gprop::gaussians::Gaussians;
 use gprop::render::{RenderOptions, render};

@@ -1,5 +1,3 @@
-use std::path::Path;
-
 use gprop::evaluate::{filling, simulation};
 use gprop::files::npz::Npz;
 use gprop::gaussians::Gaussians;

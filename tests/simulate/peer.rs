@@ -3,7 +3,6 @@
 //! trajectories agree as closely as two discretisations of one problem do, not to rounding.
 
 use std::io::{Cursor, Read};
-use std::path::Path;
 
 use gprop::mpm::boundary::{Boundary, Contact};
 use gprop::mpm::laws::{Law, drucker_prager};
