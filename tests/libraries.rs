@@ -2,6 +2,7 @@
 //! writes nothing, whatever it is and wherever it comes from. One that tries all of that at every chance is made here; ONNX
 //! Runtime, which sends telemetry by default, is watched at the system call.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
@@ -9,8 +10,8 @@ use std::process::{Command, Output};
 
 use gprop::segment::sam::Sam;
 use gprop::setup::ModelFiles;
-use gprop::setup::catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL};
-use tempfile::TempDir;
+use gprop::setup::catalog::{ONNXRUNTIME_NODE, ONNXRUNTIME_WHEEL, PinnedFile};
+use tempfile::{NamedTempFile, TempDir};
 
 use crate::query::offline::{assert_untouched, listener};
 use crate::run::{gprop, hammer};
@@ -149,36 +150,41 @@ fn a_library_that_phones_home_reaches_nobody() {
     assert_eq!(fs::read_dir(&place).unwrap().count(), 0);
 }
 
-/// The system calls of a program by which something could leave the machine or be written, one a line.
+/// strace, to which a program, its arguments and its environment are to be added.
+struct Strace {
+    command: Command,
+    log: NamedTempFile,
+}
+
+/// The system calls of a program by which something could leave the machine or be written.
 struct Watched {
     calls: Vec<String>,
 }
 
-impl Watched {
-    /// Runs `command`, which must succeed, under strace; `None`, with a message, if there is none.
-    fn run(test: &str, command: &Command) -> Option<Self> {
+impl Strace {
+    /// `None`, with a message, if it is not installed.
+    fn new(test: &str) -> Option<Self> {
         const CALLS: &str =
             "trace=%network,open,openat,creat,mkdir,mkdirat,rename,renameat,renameat2,link,linkat,symlink,symlinkat";
         if Command::new("strace").arg("--version").output().is_err() {
             skipped(test, "no strace; `apt-get install strace` brings it");
             return None;
         }
-        let log = tempfile::NamedTempFile::new().unwrap();
-        let mut strace = Command::new("strace");
-        strace.args(["-f", "--seccomp-bpf", "-qq", "-s", "4096", "-e", CALLS, "-o"]).arg(log.path());
-        strace.arg(command.get_program()).args(command.get_args());
-        for (name, value) in command.get_envs() {
-            match value {
-                Some(value) => strace.env(name, value),
-                None => strace.env_remove(name),
-            };
-        }
-        let output = strace.output().unwrap();
-        assert!(output.status.success(), "{command:?}: {}", said(&output));
-        let calls = fs::read_to_string(log.path()).unwrap().lines().map(str::to_owned).collect();
-        Some(Self { calls })
+        let (mut command, log) = (Command::new("strace"), NamedTempFile::new().unwrap());
+        // With --seccomp-bpf, strace would not see what gprop's own filter refuses.
+        command.args(["-f", "-qq", "-s", "4096", "-e", CALLS, "-o"]).arg(log.path());
+        Some(Self { command, log })
     }
 
+    /// Runs the program, which must succeed.
+    fn watch(mut self) -> Watched {
+        let output = self.command.output().unwrap();
+        assert!(output.status.success(), "{:?}: {}", self.command, said(&output));
+        Watched { calls: whole_calls(&fs::read_to_string(self.log.path()).unwrap()) }
+    }
+}
+
+impl Watched {
     /// Calls that open sockets or use them.
     fn network(&self) -> Vec<&str> {
         let is_network = |call: &&str| {
@@ -203,57 +209,88 @@ impl Watched {
     }
 }
 
-/// A way of getting ONNX Runtime: a program with an environment in which it finds the library.
+/// The calls in strace's output. One during which another thread makes a call is written in two pieces.
+fn whole_calls(log: &str) -> Vec<String> {
+    let (mut begun, mut calls) = (BTreeMap::new(), Vec::new());
+    for line in log.lines() {
+        let (thread, call) = line.split_once(' ').unwrap();
+        if let Some(start) = call.strip_suffix("<unfinished ...>") {
+            begun.insert(thread, start);
+        } else if let Some((_, end)) = call.split_once("resumed>") {
+            calls.push(format!("{}{end}", begun.remove(thread).unwrap_or_default()));
+        } else {
+            calls.push(call.to_owned());
+        }
+    }
+    calls.extend(begun.into_values().map(str::to_owned));
+    calls
+}
+
+/// A way of getting ONNX Runtime.
 struct Way {
     name: &'static str,
-    program: Command,
+    program: PathBuf,
+    ort_lib: Option<PathBuf>,
+    /// Empty if it is not set.
+    ort_dylib_path: PathBuf,
+    /// What `XDG_CACHE_HOME` names: a folder with nothing in it but gprop's cache.
+    cache: PathBuf,
 }
 
-/// All ways, with files in `home`, whose cache is empty but for those.
-fn ways(test: &str, files: &ModelFiles, home: &Path) -> Vec<Way> {
-    let program = |name: &'static str| {
+impl Way {
+    fn new(name: &'static str, home: &Path) -> Self {
         let cache = home.join(name);
-        fs::create_dir_all(&cache).unwrap();
-        let mut program = gprop();
-        program.env("XDG_CACHE_HOME", cache).env_remove("ORT_DYLIB_PATH");
-        Way { name, program }
-    };
-    let with_cached = |way: Way, cached: &str, library: &Path| {
-        let target = home.join(way.name).join("gprop").join(cached);
-        fs::create_dir_all(target.parent().unwrap()).unwrap();
-        symlink(library, target).unwrap();
-        way
-    };
-    let mut named = program("--ort-lib");
-    named.program.arg("--ort-lib").arg(&files.onnxruntime);
-    let mut variable = program("ORT_DYLIB_PATH");
-    variable.program.env("ORT_DYLIB_PATH", &files.onnxruntime);
-    let mut all = vec![
-        named,
-        variable,
-        with_cached(program("the cache, from pip"), ONNXRUNTIME_WHEEL.files[0].cached, &files.onnxruntime),
-        installed_by_wheel(program("the wheel"), files, home),
-    ];
-    if let Some(library) = of_npm(test, files) {
-        all.push(with_cached(program("the cache, from npm"), ONNXRUNTIME_NODE.files[0].cached, &library));
+        fs::create_dir_all(cache.join("gprop")).unwrap();
+        let program = env!("CARGO_BIN_EXE_gprop").into();
+        Self { name, program, ort_lib: None, ort_dylib_path: PathBuf::new(), cache }
     }
-    all
+
+    fn with_cached(self, file: &PinnedFile, library: &Path) -> Self {
+        link(library, &self.cache.join("gprop").join(file.cached));
+        self
+    }
+
+    /// The program in a Python environment, beside the library.
+    fn installed_by_wheel(self, library: &Path, home: &Path) -> Self {
+        let (file, program) = (&ONNXRUNTIME_WHEEL.files[0], home.join("venv/bin/gprop"));
+        link(library, &home.join("venv/lib/python3.11/site-packages").join(file.member));
+        fs::create_dir(program.parent().unwrap()).unwrap();
+        fs::copy(&self.program, &program).unwrap();
+        Self { program, ..self }
+    }
+
+    /// Runs a command under strace.
+    fn watch(&self, arguments: &[PathBuf], proxy: &str, mut strace: Strace) -> Watched {
+        let command = strace.command.arg(&self.program).args(arguments);
+        if let Some(library) = &self.ort_lib {
+            command.arg("--ort-lib").arg(library);
+        }
+        command.env("XDG_CACHE_HOME", &self.cache).env("XDG_CONFIG_HOME", &self.cache);
+        command.env("ORT_DYLIB_PATH", &self.ort_dylib_path).env("http_proxy", proxy).env("https_proxy", proxy);
+        strace.watch()
+    }
 }
 
-/// The program in a Python environment, beside the library.
-fn installed_by_wheel(way: Way, files: &ModelFiles, home: &Path) -> Way {
-    let environment = home.join("venv");
-    let library = environment.join("lib/python3.11/site-packages").join(ONNXRUNTIME_WHEEL.files[0].member);
-    for folder in [library.parent().unwrap(), &environment.join("bin")] {
-        fs::create_dir_all(folder).unwrap();
-    }
-    symlink(&files.onnxruntime, library).unwrap();
-    fs::copy(env!("CARGO_BIN_EXE_gprop"), environment.join("bin/gprop")).unwrap();
-    let mut program = Command::new(environment.join("bin/gprop"));
-    for (name, value) in way.program.get_envs() {
-        program.env(name, value.unwrap_or_default());
-    }
-    Way { program, ..way }
+/// A link to `file`, in a folder that is made for it.
+fn link(file: &Path, link: &Path) {
+    fs::create_dir_all(link.parent().unwrap()).unwrap();
+    symlink(file, link).unwrap();
+}
+
+/// All ways, with their files in `home`.
+fn ways(test: &str, files: &ModelFiles, home: &Path) -> Vec<Way> {
+    let library = &files.onnxruntime;
+    let mut all = vec![
+        Way { ort_lib: Some(library.clone()), ..Way::new("--ort-lib", home) },
+        Way { ort_dylib_path: library.clone(), ..Way::new("ORT_DYLIB_PATH", home) },
+        Way::new("the cache, from pip", home).with_cached(&ONNXRUNTIME_WHEEL.files[0], library),
+        Way::new("the wheel", home).installed_by_wheel(library, home),
+    ];
+    let of_npm = of_npm(test, files);
+    all.extend(
+        of_npm.map(|library| Way::new("the cache, from npm", home).with_cached(&ONNXRUNTIME_NODE.files[0], &library)),
+    );
+    all
 }
 
 /// The library from npm, which `gprop setup` fetches if there is no python3. It is kept for later runs of the tests.
@@ -262,11 +299,10 @@ fn of_npm(test: &str, files: &ModelFiles) -> Option<PathBuf> {
     let library = cache.join("gprop").join(ONNXRUNTIME_NODE.files[0].cached);
     if !library.is_file() {
         let programs = TempDir::new().unwrap();
+        let folders = std::env::var_os("PATH").unwrap_or_default();
         for name in ["npm", "node", "sh", "env"] {
-            let found = std::env::split_paths(&std::env::var_os("PATH")?)
-                .map(|folder| folder.join(name))
-                .find(|path| path.is_file());
-            symlink(found.unwrap_or_default(), programs.path().join(name)).unwrap();
+            let found = std::env::split_paths(&folders).map(|folder| folder.join(name)).find(|path| path.is_file());
+            found.into_iter().for_each(|program| symlink(program, programs.path().join(name)).unwrap());
         }
         let mut setup = gprop();
         setup.arg("setup").args(tiny_models(files)).env("XDG_CACHE_HOME", &cache).env("PATH", programs.path());
@@ -285,25 +321,20 @@ fn of_npm(test: &str, files: &ModelFiles) -> Option<PathBuf> {
 fn onnx_runtime_does_not_even_try_wherever_it_comes_from() {
     const TEST: &str = "onnx_runtime_does_not_even_try_wherever_it_comes_from";
     let Some(files) = tiny(TEST, "multi_mask") else { return };
-    let (home, scene) = (TempDir::new().unwrap(), hammer());
-    let (proxy, url) = listener();
-    for mut way in ways(TEST, &files, home.path()) {
-        way.program.env("http_proxy", &url).env("https_proxy", &url);
-        let cache = home.path().join(way.name);
-        for arguments in commands(&files, scene.path(), &home.path().join("out").join(way.name)) {
-            let mut command = Command::new(way.program.get_program());
-            command.args(arguments).args(way.program.get_args());
-            for (name, value) in way.program.get_envs() {
-                command.env(name, value.unwrap_or_default());
-            }
-            let Some(watched) = Watched::run(TEST, &command) else { return };
-            assert_eq!(watched.network(), [] as [&str; 0], "{}: {command:?}", way.name);
-            let own = [cache.join("gprop"), home.path().join("out"), scene.path().to_owned()];
-            let outside = watched.writes_outside(&own.each_ref().map(PathBuf::as_path));
-            assert_eq!(outside, [] as [&str; 0], "{}: {command:?}", way.name);
+    let (home, scene, (proxy, url)) = (TempDir::new().unwrap(), hammer(), listener());
+    for (index, way) in ways(TEST, &files, home.path()).iter().enumerate() {
+        let out = home.path().join("out").join(way.name);
+        let own = [&way.cache.join("gprop"), out.as_path(), scene.path()];
+        fs::create_dir_all(&out).unwrap();
+        // Every command with the first way, one with each.
+        for arguments in commands(&files, scene.path(), &out).iter().take(if index == 0 { 4 } else { 1 }) {
+            let Some(strace) = Strace::new(TEST) else { return };
+            let watched = way.watch(arguments, &url, strace);
+            assert_eq!(watched.network(), [] as [&str; 0], "{}: {arguments:?}", way.name);
+            assert_eq!(watched.writes_outside(&own), [] as [&str; 0], "{}: {arguments:?}", way.name);
         }
-        let left = fs::read_dir(&cache).unwrap().map(|entry| entry.unwrap().file_name());
-        assert!(left.into_iter().all(|name| name == "gprop"), "{}", way.name);
+        let left: Vec<_> = fs::read_dir(&way.cache).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+        assert_eq!(left, ["gprop"], "{}", way.name);
     }
     assert_untouched(&proxy);
 }
@@ -322,13 +353,13 @@ fn a_caller_of_the_library_is_kept_safe_too() {
     const TEST: &str = "a_caller_of_the_library_is_kept_safe_too";
     let Some(files) = models(TEST) else { return };
     let home = TempDir::new().unwrap();
-    let mut caller = Command::new(std::env::current_exe().unwrap());
+    // The cache with SAM's own files, which `models` wants to see.
+    symlink(files.encoder.parent().unwrap().parent().unwrap(), home.path().join("gprop")).unwrap();
+    let Some(mut strace) = Strace::new(TEST) else { return };
+    let caller = strace.command.arg(std::env::current_exe().unwrap());
     caller.args(["--exact", "libraries::a_caller_of_the_library"]).env_remove("ORT_DISABLE_TELEMETRY");
     caller.env("XDG_CACHE_HOME", home.path()).env("ORT_DYLIB_PATH", files.onnxruntime).env("GPROP_OFFLINE", "1");
-    // The cache with SAM's own files, which `models` wants to see.
-    let cached = files.encoder.parent().unwrap().parent().unwrap();
-    symlink(cached, home.path().join("gprop")).unwrap();
-    let Some(watched) = Watched::run(TEST, &caller) else { return };
+    let watched = strace.watch();
     let refused = |call: &&str| call.contains("EACCES");
     assert!(watched.network().iter().all(refused), "{:#?}", watched.network());
     assert!(watched.writes_outside(&[]).iter().all(refused), "{:#?}", watched.writes_outside(&[]));

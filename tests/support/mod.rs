@@ -125,3 +125,17 @@ pub fn parsed(output: Output) -> Value {
     let text = String::from_utf8(output.stdout).unwrap();
     serde_json::from_str(text.lines().last().unwrap_or_default()).unwrap_or_else(|_| panic!("{text}"))
 }
+
+#[test]
+fn a_test_that_cannot_run_says_so_and_fails_if_nothing_may_be_skipped() {
+    // Without a search path there is no splat-transform.
+    let run = |no_skip: &str| {
+        let mut tests = Command::new(std::env::current_exe().unwrap());
+        tests.args(["--exact", "scene::peer::splat_transform_writes_what_gprop_reads"]);
+        tests.env("PATH", "").env("GPROP_NO_SKIP", no_skip).output().unwrap()
+    };
+    let (skipped, failed) = (run("0"), run("1"));
+    assert!(skipped.status.success(), "{skipped:?}");
+    assert!(String::from_utf8_lossy(&skipped.stderr).contains("splat-transform"), "{skipped:?}");
+    assert!(!failed.status.success(), "{failed:?}");
+}
