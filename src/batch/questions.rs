@@ -12,10 +12,10 @@ use crate::error;
 use crate::pipeline::query_session::{self, QuerySession};
 use crate::pipeline::stages::asked::AskedAbout;
 use crate::pipeline::stages::query::session;
-use crate::pipeline::{self, Collected, Pipeline, Plan, Sent, Stage, check_submission};
+use crate::pipeline::{self, Pipeline, Plan, Stage};
 use crate::query::ask::asker::Asker;
 use crate::query::ask::cost::Cost;
-use crate::query::batch_api::{self as api, Answered, Request, Submitted, Waiting};
+use crate::query::batch_api::{self as api, Answered, Collected, Request, Sent, Submitted, Waiting, check_submission};
 use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::recorded::Recording;
 use crate::query::{self, AnswerSource, Queries, QueryError, Sha256Hex};
@@ -150,7 +150,9 @@ impl<'a> Questions<'a> {
         let Some(scene) = self.batch.scenes().find(|known| known.name == scene) else {
             anyhow::bail!(BatchError::NotOfThisBatch);
         };
-        self.with_session(scene, |session, queries| session.record(queries, &self.client, answered, collected))
+        self.with_session(scene, |session, queries| {
+            Ok(session.submission(&self.client, queries).record(answered, collected)?)
+        })
     }
 
     /// The scenes that could be segmented, and the failures.
@@ -173,7 +175,7 @@ impl<'a> Questions<'a> {
     fn ask_first(&self, scenes: &[&Selected], taken: &BTreeSet<Sha256Hex>) -> Result<Option<Recording>> {
         for scene in scenes {
             let asked = self.with_session(scene, |session, queries| {
-                Ok(session.ask_first(&self.client, queries, &self.budget, &mut taken.clone()))
+                Ok(session.submission(&self.client, queries).ask_first(&self.budget, &mut taken.clone()))
             });
             // A scene that cannot be opened is reported when its questions are gathered.
             if let Ok(asked) = asked
@@ -188,7 +190,8 @@ impl<'a> Questions<'a> {
     /// The open questions of a scene. If it has the `first` question of all, the answer to that is recorded instead.
     fn requests(&self, scene: &Selected, first: Option<&Recording>) -> Result<Vec<Request>> {
         self.with_session(scene, |session, queries| {
-            let requests = session.requests(&self.client, queries, &scene.name, &mut BTreeSet::new());
+            let submission = session.submission(&self.client, queries);
+            let requests = submission.requests(&scene.name, &mut BTreeSet::new());
             let is_first = |request: &Request| first.is_some_and(|first| first.key == request.waiting.key);
             let (answered, open): (Vec<Request>, Vec<Request>) = requests.into_iter().partition(is_first);
             let with_answer = |(request, first): (Request, &Recording)| {
@@ -196,7 +199,7 @@ impl<'a> Questions<'a> {
                 (request.waiting, Answered { text, served_model, usage })
             };
             let answered = answered.into_iter().zip(first).map(with_answer).collect();
-            session.record(queries, &self.client, answered, &mut Collected::default())?;
+            submission.record(answered, &mut Collected::default())?;
             Ok(open)
         })
     }
@@ -208,7 +211,7 @@ impl<'a> Questions<'a> {
         for scene in scenes {
             let at_once = usize::from(taken.len() == before);
             let of_scene = self.with_session(scene, |session, queries| {
-                Ok(session.submission_cost(&self.client, queries, at_once, &mut taken))
+                Ok(session.submission(&self.client, queries).cost(at_once, &mut taken))
             });
             if let Ok((now_of_scene, later_of_scene)) = of_scene {
                 now = now.plus(now_of_scene);

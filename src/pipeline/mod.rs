@@ -41,7 +41,6 @@ use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
 use crate::workdir;
 
-pub use batch_api::{Collected, Sent, check_submission};
 pub use builder::{Builder, is_untouched};
 pub use hasher::Hasher;
 pub use options::{Options, THREADS, known_flags, scene_keys};

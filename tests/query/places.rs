@@ -54,7 +54,7 @@ fn an_answer_is_taken_from_wherever_it_stands_and_is_asked_for_once() {
     let as_list = json!([message(json!({ "content": good }), "stop")]);
     let tool_deltas: String = good.chars().collect::<Vec<_>>().chunks(50).fold(String::new(), |text, part| {
         let part: String = part.iter().collect();
-        let call = json!({ "index": 0, "function": { "arguments": part } });
+        let call = json!({ "index": 1, "function": { "arguments": part } });
         text + &format!("data: {}\n", json!({ "choices": [{ "delta": { "tool_calls": [call] } }] }))
     });
     let message = |value: Value, reason: &str| message(value, reason).to_string();

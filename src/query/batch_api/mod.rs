@@ -1,7 +1,7 @@
 //! Questions through OpenAI's Batch API, at half the price and answered within a day.
 //!
-//! 1. [`Request`]s are gathered from one scene or from many; questions that are already [waiting](Waiting) are left
-//!    out.
+//! 1. [`Request`]s are gathered from the [`Submission`]s of one scene or of many; questions that are already
+//!    [waiting](Waiting) are left out.
 //! 2. [`submit`] sends them in as many jobs as the API's limits require, and reports each job as soon as it is
 //!    accepted.
 //! 3. [`collect`] asks for the state of a job and reads its results: all of them, or those that were ready before it
@@ -11,14 +11,17 @@
 //! whatever order the answers come in and however often they are collected. Several scenes may wait for the answer to one
 //! request; it is recorded for each of them.
 
+mod http;
+mod outcome;
 mod response;
+mod submission;
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::client::{Client, RequestCounts};
+use super::client::Client;
 use super::error::QueryError;
 use super::options::AnswerSource;
 use super::recorded::{Answerer, Asked, key};
@@ -27,7 +30,10 @@ use crate::query::ask::asker::{AskError, Asker};
 use crate::query::recorded::sha256::Sha256Hex;
 use crate::words::progress;
 
+pub use http::{JobState, JobStatus, RequestCounts};
+pub use outcome::{Collected, Sent};
 pub use response::{AnswerLine, Answered, NotAnswered, lines};
+pub use submission::{Submission, check_submission};
 
 /// Most requests per job, and most bytes: the API's limits are 50,000 and 200 MB.
 const MAX_REQUESTS: usize = 50_000;

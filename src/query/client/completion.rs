@@ -1,5 +1,7 @@
 //! A chat completion: where servers put the answer, and what they say about it.
 
+use std::collections::BTreeMap;
+
 use serde_json::Value;
 
 use crate::query::ask::asker::{Reply, ReplyContent};
@@ -23,8 +25,8 @@ pub struct Completion {
 #[derive(Debug, Default)]
 struct Texts {
     content: String,
-    /// Arguments of the calls of tools.
-    arguments: Vec<String>,
+    /// Arguments of the calls of tools, by the number of the call.
+    arguments: BTreeMap<u64, String>,
     reasoning_content: String,
     reasoning: String,
     refusal: String,
@@ -51,14 +53,14 @@ impl Completion {
         is_there.then_some(completion)
     }
 
-    /// The reply: the text that `fits` as an answer, wherever it stands; otherwise the content, if there is any.
+    /// The reply: the content, if there is JSON in it; otherwise a text that `fits` as an answer, wherever it stands.
     pub fn reply(self, fits: &impl Fn(&str) -> bool) -> Reply {
         let Self { texts, finish_reason, usage, served_model } = self;
         let reason = finish_reason.as_deref().unwrap_or("none given");
         let Texts { content, arguments, reasoning_content, reasoning, refusal } = texts;
-        let elsewhere = arguments.into_iter().chain([reasoning_content, reasoning]);
+        let elsewhere = arguments.into_values().chain([reasoning_content, reasoning]);
         let elsewhere: Vec<String> = elsewhere.filter(|text| !text.trim().is_empty()).collect();
-        let content = if fits(&content) {
+        let content = if content.contains('{') && (fits(&content) || refusal.is_empty() && !is_filtered(reason)) {
             ReplyContent::Text(content)
         } else if let Some(answer) = elsewhere.iter().find(|text| fits(text)) {
             ReplyContent::Text(answer.clone())
@@ -85,19 +87,15 @@ impl Texts {
         let thoughts = message["content"].as_array().into_iter().flatten().filter(|part| is_thought(part));
         self.reasoning.extend(thoughts.map(|part| text_of(&part["thinking"]) + &text_of(&part["text"])));
         let calls = message["tool_calls"].as_array().into_iter().flatten();
-        for (place, call) in calls.enumerate().chain([(0, message)]) {
-            let function = if call.get("function_call").is_some() { &call["function_call"] } else { &call["function"] };
+        for (number, call) in (0..).zip(calls.chain([message])) {
+            let function = call.get("function_call").unwrap_or(&call["function"]);
             let arguments = match &function["arguments"] {
                 Value::String(text) => text.clone(),
                 object @ Value::Object(_) => object.to_string(),
                 _ => continue,
             };
-            // Chunks of a stream number the calls that they continue.
-            let place = call["index"].as_u64().map_or(place, |index| usize::try_from(index).unwrap_or(usize::MAX));
-            match self.arguments.get_mut(place) {
-                Some(begun) => *begun += &arguments,
-                None => self.arguments.push(arguments),
-            }
+            // Chunks of a stream number the call that they continue.
+            *self.arguments.entry(call["index"].as_u64().unwrap_or(number)).or_default() += &arguments;
         }
     }
 }

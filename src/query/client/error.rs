@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use super::fields::FieldsProblem;
+
 /// A client that cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
@@ -18,7 +20,7 @@ pub enum ClientError {
     #[error("OPENAI_API_KEY contains characters that no key has")]
     Key,
     #[error("--lmm-body {path:?}: {problem}")]
-    Fields { path: PathBuf, problem: String },
+    Fields { path: PathBuf, problem: FieldsProblem },
     #[error("cannot set up the HTTP client: {0}")]
     Http(String),
 }

@@ -8,7 +8,6 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use super::error::ClientError;
 use super::key::ApiKey;
 use crate::files;
 use crate::query::recorded::sha256::Sha256Hex;
@@ -33,25 +32,32 @@ const OF_GPROP: [(&str, &str); 11] = [
     ("n", "one answer to each question is enough"),
 ];
 
+/// Why a file of fields cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FieldsProblem {
+    #[error("it cannot be read: {0}")]
+    Unreadable(#[from] std::io::Error),
+    #[error("it is not a JSON object, such as {{\"think\": false}}: {0}")]
+    NoObject(#[from] serde_json::Error),
+    #[error("{name:?} is set by gprop itself; leave it out: {instead}")]
+    OfGprop { name: &'static str, instead: &'static str },
+    #[error("it contains the server's key, which is sent in a header of its own; leave it out")]
+    Key,
+}
+
 impl Fields {
     /// The fields in a JSON file.
     ///
     /// # Errors
     /// If it is not a JSON object, sets a field that gprop sets, or contains the key.
-    pub fn read(path: &Path, key: Option<&ApiKey>) -> Result<Self, ClientError> {
-        let bad = |problem: String| ClientError::Fields { path: path.into(), problem };
-        let text = files::read_to_string(path).map_err(|error| bad(format!("it cannot be read: {error}")))?;
+    pub fn read(path: &Path, key: Option<&ApiKey>) -> Result<Self, FieldsProblem> {
+        let text = files::read_to_string(path)?;
         if key.is_some_and(|key| key.cut_from(&text) != text) {
-            return Err(bad("it contains the server's key, which is sent in a header of its own; leave it out".into()));
+            return Err(FieldsProblem::Key);
         }
-        Self::parse(&text).map_err(bad)
-    }
-
-    fn parse(text: &str) -> Result<Self, String> {
-        let fields: Map<String, Value> = serde_json::from_str(text)
-            .map_err(|error| format!("it is not a JSON object, such as {{\"think\": false}}: {error}"))?;
+        let fields: Map<String, Value> = serde_json::from_str(&text)?;
         match OF_GPROP.iter().find(|(name, _)| fields.contains_key(*name)) {
-            Some((name, instead)) => Err(format!("{name:?} is set by gprop itself; leave it out: {instead}")),
+            Some(&(name, instead)) => Err(FieldsProblem::OfGprop { name, instead }),
             None => Ok(Self(fields)),
         }
     }

@@ -10,7 +10,6 @@
 //! Files of the Batch API have limits of their own. Nothing is decompressed.
 
 mod address;
-mod batch_api;
 mod body;
 mod completion;
 mod dialect;
@@ -18,16 +17,17 @@ mod error;
 mod fields;
 mod key;
 mod proxy;
-mod response;
-mod retry;
+pub(super) mod response;
+pub(super) mod retry;
 mod secret;
 mod wait;
 
+use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use reqwest::header::{CONTENT_TYPE, HeaderMap};
-use reqwest::{RequestBuilder, StatusCode};
+use reqwest::{RequestBuilder, StatusCode, Url};
 use serde_json::{Value, json};
 use tokio::runtime::Runtime;
 
@@ -41,7 +41,6 @@ use crate::setup::Offline;
 use crate::words::output::counted;
 use crate::words::progress::{self, Progress};
 use address::Address;
-pub use batch_api::{JobState, JobStatus, RequestCounts};
 use dialect::{Dialect, Settings};
 pub use error::ClientError;
 use fields::Fields;
@@ -79,7 +78,7 @@ struct Exchanged<T> {
 /// A connection that does not open within this time is not going to.
 const CONNECT_TIMEOUT: Duration = Duration::from_secs(20);
 /// Largest body of a response. An answer of [`Options::lmm_max_tokens`] has a few kilobytes.
-const MAX_REPLY_BYTES: usize = 64_000_000;
+pub(super) const MAX_REPLY_BYTES: usize = 64_000_000;
 /// How often the remaining wait is shown, and how often a wait checks whether it is still useful.
 const TICK: Duration = Duration::from_secs(1);
 
@@ -108,7 +107,11 @@ impl Client {
             .enable_all()
             .build()
             .map_err(|error| ClientError::Http(error.to_string()))?;
-        let fields = options.lmm_body.as_deref().map(|path| Fields::read(path, key.as_ref())).transpose()?;
+        let read = |path: &PathBuf| {
+            let bad = |problem| ClientError::Fields { path: path.clone(), problem };
+            Fields::read(path, key.as_ref()).map_err(bad)
+        };
+        let fields = options.lmm_body.as_ref().map(read).transpose()?;
         let settings = Settings {
             model: model.clone(),
             temperature: options.lmm_temperature,
@@ -196,7 +199,7 @@ impl Client {
                     Some(plainer) => dialect = plainer,
                     None => return Err(AskError::Failed(format!("the server does not accept the request: {message}"))),
                 },
-                Err(failure) => return Err(batch_api::ask_error(failure)),
+                Err(failure) => return Err(failure.into()),
             }
         }
     }
@@ -223,14 +226,25 @@ impl Client {
 
     /// Sends a request without an entry in the budget and applies `read` to its response of at most `most_bytes`;
     /// retries while it fails for a transient reason.
-    async fn exchange<T>(
+    pub(super) fn exchange<T>(
         &self,
         retries: u32,
         most_bytes: usize,
-        request: impl Fn() -> RequestBuilder,
+        request: impl Fn(&reqwest::Client) -> RequestBuilder,
         read: impl Fn(&Received) -> Result<T, Attempt>,
-    ) -> Result<T, Attempt> {
-        self.repeat(retries, async || self.exchange_once(request(), most_bytes, &read).await.result, || false).await
+    ) -> Result<T, AskError> {
+        let attempt = async || self.exchange_once(request(&self.http), most_bytes, &read).await.result;
+        Ok(self.runtime.block_on(self.repeat(retries, attempt, || false))?)
+    }
+
+    /// The URL with these segments below the server's base.
+    pub(super) fn url(&self, segments: &[&str]) -> Url {
+        self.address.below(segments)
+    }
+
+    /// How often a request is retried.
+    pub(super) fn retries(&self) -> u32 {
+        self.retries
     }
 
     /// Makes an attempt, and retries while it fails for a transient reason; waits end early once `is_over` returns
@@ -351,5 +365,5 @@ pub fn read_completion(status: u16, body: &str) -> Result<Reply, AskError> {
     let no_status = |_| AskError::Failed(format!("{status} is not an HTTP status"));
     let status = StatusCode::from_u16(status).map_err(no_status)?;
     let received = Received { status, headers: HeaderMap::new(), body: body.to_owned() };
-    response::read(&received, |text| extract::json_objects(text).is_ok()).map_err(batch_api::ask_error)
+    response::read(&received, |text| extract::json_objects(text).is_ok()).map_err(AskError::from)
 }

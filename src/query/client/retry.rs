@@ -32,6 +32,19 @@ impl Attempt {
     }
 }
 
+/// The error that a failed attempt means for whoever asked.
+impl From<Attempt> for AskError {
+    fn from(attempt: Attempt) -> Self {
+        match attempt {
+            Attempt::Final(error) => error,
+            Attempt::Passing { message, .. } | Attempt::Unaccepted { message } | Attempt::Unreadable { message } => {
+                Self::Failed(message)
+            }
+            Attempt::Unreachable { message } => Self::Fatal(message),
+        }
+    }
+}
+
 const FIRST_WAIT: Duration = Duration::from_secs(1);
 const LONGEST_WAIT: Duration = Duration::from_secs(60);
 /// Largest share taken off a wait at random; below one half, so that each wait up to [`LONGEST_WAIT`] is longer than

@@ -50,14 +50,14 @@ fn in_document(value: &Value, status: StatusCode) -> Option<Duration> {
             if let Some(delay) = delay.into_iter().find_map(|key| delay_of(fields.get(key)?)) {
                 return Some(delay);
             }
-            if let Some(Value::Object(headers)) = fields.get("headers") {
+            let of_headers = fields.get("headers").and_then(Value::as_object).and_then(|headers| {
                 let header = |name: &str| {
                     let (_, value) = headers.iter().find(|(key, _)| key.eq_ignore_ascii_case(name))?;
                     Some(value.as_str().map_or_else(|| value.to_string(), str::to_owned))
                 };
-                return in_headers(&header).or_else(|| reset(&header, status));
-            }
-            fields.values().find_map(|field| in_document(field, status))
+                in_headers(&header).or_else(|| reset(&header, status))
+            });
+            of_headers.or_else(|| fields.values().find_map(|field| in_document(field, status)))
         }
         Value::String(text) if text.trim_start().starts_with(['{', '[']) => {
             documents(text).iter().find_map(|document| in_document(document, status))

@@ -1,4 +1,4 @@
-//! OpenAI's Batch API: a file of requests goes up, a file of responses comes down within a day.
+//! The HTTP requests of the Batch API: a file of requests goes up, a file of responses comes down within a day.
 
 use std::time::Duration;
 
@@ -8,10 +8,10 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
 
-use super::response::Received;
-use super::retry::Attempt;
-use super::{Client, MAX_REPLY_BYTES, response};
 use crate::query::ask::asker::AskError;
+use crate::query::client::response::{self, Received};
+use crate::query::client::retry::Attempt;
+use crate::query::client::{Client, MAX_REPLY_BYTES};
 
 /// The only completion window that the API offers.
 const WINDOW: &str = "24h";
@@ -98,41 +98,35 @@ impl Client {
     /// The upload is retried like any request. The request that starts the job is sent only once: if its response were
     /// lost and it were sent again, everything would be paid for twice.
     pub fn start_batch_api_job(&self, lines: &str) -> Result<JobStatus, AskError> {
-        self.runtime.block_on(async {
-            let files = self.address.below(&["files"]);
-            let upload = || {
-                let file = Part::text(lines.to_owned()).file_name("batch.jsonl");
-                let form = Form::new().text("purpose", "batch").part("file", file);
-                self.http.post(files.clone()).multipart(form).timeout(TRANSFER_TIMEOUT)
-            };
-            let file: UploadedFile =
-                self.exchange(self.retries, MAX_REPLY_BYTES, upload, json_body).await.map_err(ask_error)?;
-            let order = json!({
-                "input_file_id": file.id, "endpoint": "/v1/chat/completions", "completion_window": WINDOW,
-            });
-            let batches = self.address.below(&["batches"]);
-            let request = || self.http.post(batches.clone()).json(&order);
-            self.exchange(0, MAX_REPLY_BYTES, request, json_body).await.map_err(ask_error)
-        })
+        let files = self.url(&["files"]);
+        let upload = |http: &reqwest::Client| {
+            let file = Part::text(lines.to_owned()).file_name("batch.jsonl");
+            let form = Form::new().text("purpose", "batch").part("file", file);
+            http.post(files.clone()).multipart(form).timeout(TRANSFER_TIMEOUT)
+        };
+        let file: UploadedFile = self.exchange(self.retries(), MAX_REPLY_BYTES, upload, json_body)?;
+        let order = json!({
+            "input_file_id": file.id, "endpoint": "/v1/chat/completions", "completion_window": WINDOW,
+        });
+        let batches = self.url(&["batches"]);
+        self.exchange(0, MAX_REPLY_BYTES, |http| http.post(batches.clone()).json(&order), json_body)
     }
 
     /// The status of a job.
     pub fn batch_api_job(&self, id: &str) -> Result<JobStatus, AskError> {
-        let url = self.address.below(&["batches", id]);
-        let status = self.exchange(self.retries, MAX_REPLY_BYTES, || self.http.get(url.clone()), json_body);
-        self.runtime.block_on(status).map_err(ask_error)
+        let url = self.url(&["batches", id]);
+        self.exchange(self.retries(), MAX_REPLY_BYTES, |http| http.get(url.clone()), json_body)
     }
 
     /// The text of a file that the server holds.
     pub fn file(&self, id: &str) -> Result<String, AskError> {
-        let url = self.address.below(&["files", id, "content"]);
+        let url = self.url(&["files", id, "content"]);
         let text = |received: &Received| match received.status.is_success() {
             true => Ok(received.body.clone()),
             false => Err(failure(received)),
         };
-        let request = || self.http.get(url.clone()).timeout(TRANSFER_TIMEOUT);
-        let content = self.exchange(self.retries, MAX_FILE_BYTES, request, text);
-        self.runtime.block_on(content).map_err(ask_error)
+        let request = |http: &reqwest::Client| http.get(url.clone()).timeout(TRANSFER_TIMEOUT);
+        self.exchange(self.retries(), MAX_FILE_BYTES, request, text)
     }
 }
 
@@ -153,16 +147,5 @@ fn failure(received: &Received) -> Attempt {
             Attempt::Final(AskError::Failed(message))
         }
         failure => failure,
-    }
-}
-
-/// The error that a failed attempt means for the caller.
-pub fn ask_error(attempt: Attempt) -> AskError {
-    match attempt {
-        Attempt::Final(error) => error,
-        Attempt::Passing { message, .. } | Attempt::Unaccepted { message } | Attempt::Unreadable { message } => {
-            AskError::Failed(message)
-        }
-        Attempt::Unreachable { message } => AskError::Fatal(message),
     }
 }
