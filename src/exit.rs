@@ -11,6 +11,7 @@ use crate::evaluate::simulation::SimulationError;
 use crate::export::ExportError;
 use crate::film::FilmError;
 use crate::grasp::GraspError;
+use crate::inspect::NotAligned;
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
 use crate::query::ask::cost::PriceError;
@@ -126,6 +127,7 @@ fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
             Exit::Scene,
             &[
                 cause.is::<SceneError>(),
+                cause.is::<NotAligned>(),
                 cause.is::<ImportError>(),
                 cause.is::<PlyError>(),
                 cause.is::<VoteError>(),

@@ -7,12 +7,14 @@ use std::sync::OnceLock;
 use gprop::from_splat::{foreground, render_views};
 use gprop::gaussians::Gaussians;
 use gprop::inspect::{Inspection, inspect, misfit, to_text};
-use gprop::numeric::sphere_directions;
+use gprop::numeric::{median, sphere_directions, upper_median};
+use gprop::render::sh_rotation;
+use gprop::scene::cameras::align::Conversion;
 use gprop::scene::splat::ply;
-use gprop::scene::{self, ForegroundSource, ObjectSource, Options, View};
+use gprop::scene::{self, ForegroundSource, ObjectSource, Options, QuaternionOrder, View};
 use gprop::words::progress::Progress;
 use image::Rgb;
-use nalgebra::{Matrix3, Matrix4};
+use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Similarity3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -238,7 +240,168 @@ fn another_scene_s_cameras_are_not_explained_away() {
     println!("{:?}", found.suggestion);
     assert_eq!(found.aligned, Some(false));
     assert!(found.suggestion.is_none());
-    assert!(to_text(&found).contains("none of the usual conversions"));
+    assert!(to_text(&found).contains("neither one of the usual conversions nor any rotation, shift and scale"));
+}
+
+/// The cloud in the world that `new_from_old` maps its own to.
+fn moved(cloud: &Gaussians, new_from_old: &Similarity3<f64>) -> Gaussians {
+    let turn = new_from_old.isometry.rotation;
+    let mut moved = cloud.clone();
+    let rest = 3 * cloud.sh_rest_per_channel();
+    for i in 0..cloud.len() {
+        moved.positions[i] = (new_from_old * cloud.center(i)).coords.map(|side| side as f32).into();
+        moved.log_scales[i] = cloud.log_scales[i].map(|scale| scale + new_from_old.scaling().ln() as f32);
+        let turned = turn * cloud.rotation(i);
+        moved.rotations[i] = [turned.w, turned.i, turned.j, turned.k].map(|value| value as f32);
+        sh_rotation::rotate(cloud.sh_degree, &mut moved.sh_rest[i * rest..(i + 1) * rest], &turn.to_rotation_matrix());
+    }
+    moved
+}
+
+fn write_splat(folder: &Path, cloud: &Gaussians) {
+    let file = std::fs::File::create(folder.join("point_cloud.ply")).unwrap();
+    ply::write(std::io::BufWriter::new(file), cloud, &[]).unwrap();
+}
+
+fn similarity(scale: f64, turn: [f64; 3], shift: [f64; 3]) -> Similarity3<f64> {
+    Similarity3::new(shift.into(), turn.into(), scale)
+}
+
+/// The median PSNR of the views as they fit.
+fn median_psnr(found: &Inspection) -> f64 {
+    upper_median(found.views.iter().map(|view| view.psnr_db).collect()).unwrap()
+}
+
+#[test]
+fn a_splat_moved_by_any_similarity_is_found() {
+    let folder = with_poses(|pose| pose);
+    let unmoved = median_psnr(&inspected(folder.path(), &Options::default()));
+    let moves =
+        [similarity(3.7, [0.4, -1.9, 1.1], [5.0, -2.0, 0.6]), similarity(0.02, [-2.1, 0.3, 0.9], [0.1, 0.2, -7.0])];
+    for of_splat in &moves {
+        write_splat(folder.path(), &moved(thinned(), of_splat));
+        let align = assert_diagnosed("any similarity", &folder);
+        assert!(align.starts_with("sim="), "{align}");
+        let options = Options { align: align.parse().unwrap(), ..Options::default() };
+        let mended = median_psnr(&inspected(folder.path(), &options));
+        // A tenth of a decibel is a tenth of a pixel, no more.
+        assert!(mended > unmoved - 0.1, "{mended:.2} dB instead of {unmoved:.2} with {align}");
+    }
+}
+
+/// The fixture's cameras as a COLMAP model with 3D points, and its thinned splat moved as gsplat's `Parser` moves it:
+/// `similarity_from_cameras`, then `align_principal_axes`, then its half turn.
+#[test]
+fn gsplats_normalised_world_is_computed_from_the_model() {
+    let folder = with_poses(|pose| pose);
+    let scene = scene::load(folder.path(), &Options::default()).unwrap();
+    std::fs::remove_file(folder.path().join("transforms.json")).unwrap();
+    let model = folder.path().join("sparse/0");
+    std::fs::create_dir_all(&model).unwrap();
+    let first = scene.views[0].camera.intrinsics;
+    let camera =
+        format!("1 PINHOLE {} {} {} {} {} {}\n", first.width, first.height, first.fx, first.fy, first.cx, first.cy);
+    std::fs::write(model.join("cameras.txt"), camera).unwrap();
+    let image = |(id, view): (usize, &View)| {
+        let pose = view.camera.camera_from_world;
+        let (q, t) = (pose.rotation, pose.translation.vector);
+        format!("{} {} {} {} {} {} {} {} 1 {}.png\n\n", id + 1, q.w, q.i, q.j, q.k, t.x, t.y, t.z, view.name)
+    };
+    std::fs::write(model.join("images.txt"), scene.views.iter().enumerate().map(image).collect::<String>()).unwrap();
+    let points: Vec<Point3<f64>> = (0..thinned().len()).step_by(9).map(|i| thinned().center(i)).collect();
+    let point =
+        |(id, point): (usize, &Point3<f64>)| format!("{id} {} {} {} 9 9 9 0.5 1 1\n", point.x, point.y, point.z);
+    std::fs::write(model.join("points3D.txt"), points.iter().enumerate().map(point).collect::<String>()).unwrap();
+    let poses: Vec<Isometry3<f64>> = scene.views.iter().map(|view| view.camera.camera_from_world).collect();
+    write_splat(folder.path(), &moved(thinned(), &as_gsplat(&poses, &points)));
+
+    let align = assert_diagnosed("gsplat", &folder);
+    assert!(align.starts_with("gsplat"), "{align}");
+    let options = Options { align: align.parse().unwrap(), ..Options::default() };
+    let mended = scene::load(folder.path(), &options).unwrap();
+    // Only the right half turn brings every camera to where gsplat has it.
+    for (view, pose) in mended.views.iter().zip(&poses) {
+        let expected = as_gsplat(&poses, &points) * Point3::from(pose.inverse().translation.vector);
+        assert!((view.camera.center_in_world() - expected).norm() < 1e-6, "{}", view.name);
+    }
+    std::fs::remove_file(model.join("points3D.txt")).unwrap();
+    let refused = scene::load(folder.path(), &options).unwrap_err().to_string();
+    assert!(refused.contains("points3D.bin or points3D.txt"), "{refused}");
+}
+
+/// The transform of gsplat's `Parser`, with matrices as there (`examples/datasets/normalize.py`).
+fn as_gsplat(cameras: &[Isometry3<f64>], points: &[Point3<f64>]) -> Similarity3<f64> {
+    let median_of = |points: &[Vector3<f64>]| {
+        Vector3::from_fn(|axis, _| median(points.iter().map(|point| point[axis]).collect()).unwrap())
+    };
+    let poses: Vec<Isometry3<f64>> = cameras.iter().map(Isometry3::inverse).collect();
+    let ups: Vector3<f64> = poses.iter().map(|pose| pose.rotation * Vector3::new(0.0, -1.0, 0.0)).sum();
+    let (up, of_camera) = (ups.normalize(), Vector3::new(0.0, -1.0, 0.0));
+    let cross = up.cross(&of_camera);
+    let skew = cross.cross_matrix();
+    let align: Matrix3<f64> = Matrix3::identity() + skew + skew * skew / (1.0 + of_camera.dot(&up));
+    let centers: Vec<Vector3<f64>> = poses.iter().map(|pose| align * pose.translation.vector).collect();
+    let nearest = poses.iter().zip(&centers).map(|(pose, t)| {
+        let forward = align * (pose.rotation * Vector3::z());
+        t + forward.dot(&-t) * forward
+    });
+    let shift = -median_of(&nearest.collect::<Vec<_>>());
+    let scale = 1.0 / median(centers.iter().map(|t| (t + shift).norm()).collect()).unwrap();
+    let first: Vec<Vector3<f64>> = points.iter().map(|point| scale * (align * point.coords + shift)).collect();
+    let center = median_of(&first);
+    let mean = first.iter().sum::<Vector3<f64>>() / first.len() as f64;
+    let covariance: Matrix3<f64> = first.iter().map(|point| (point - mean) * (point - mean).transpose()).sum();
+    let eigen = covariance.symmetric_eigen();
+    let mut order = [0, 1, 2];
+    order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+    let mut axes = Matrix3::from_columns(&order.map(|at| eigen.eigenvectors.column(at).into_owned()));
+    if axes.determinant() < 0.0 {
+        axes.column_mut(0).neg_mut();
+    }
+    let second: Vec<Vector3<f64>> = first.iter().map(|point| axes.transpose() * (point - center)).collect();
+    let heights: Vec<f64> = second.iter().map(|point| point.z).collect();
+    let mean_height = heights.iter().sum::<f64>() / heights.len() as f64;
+    let half_turn = match median(heights).unwrap() > mean_height {
+        true => Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
+        false => Matrix3::identity(),
+    };
+    let turn = half_turn * axes.transpose();
+    let rotation = UnitQuaternion::from_matrix(&(turn * align));
+    Similarity3::from_parts((turn * (scale * shift - center)).into(), rotation, scale)
+}
+
+#[test]
+fn a_scale_that_refers_to_cameras_is_measured_after_they_are_aligned() {
+    let folder = with_poses(|pose| pose);
+    let of_splat = similarity(2.5, [0.3, 0.2, -0.8], [1.0, 2.0, 3.0]);
+    let align = Conversion { similarity: of_splat, ..Conversion::default() };
+    let scale = "cameras:000,001=0.5".parse().unwrap();
+    let unmoved = scene::load(folder.path(), &Options { scale, ..Options::default() }).unwrap().scale.unwrap();
+    write_splat(folder.path(), &moved(thinned(), &of_splat));
+    let scale = "cameras:000,001=0.5".parse().unwrap();
+    let options = Options { scale, align: align.into(), ..Options::default() };
+    let scaled = scene::load(folder.path(), &options).unwrap().scale.unwrap();
+    let ratio = unmoved.meters_per_unit / scaled.meters_per_unit;
+    assert!((ratio - 2.5).abs() < 1e-6, "{ratio}");
+}
+
+#[test]
+fn quaternions_with_the_real_part_last_are_noticed_and_can_be_read() {
+    let folder = with_poses(|pose| pose);
+    assert!(inspected(folder.path(), &Options::default()).warnings.iter().all(|text| !text.contains("--quaternions")));
+    let right = median_psnr(&inspected(folder.path(), &Options::default()));
+    let mut cloud = thinned().clone();
+    cloud.rotations.iter_mut().for_each(|rotation| rotation.rotate_left(1));
+    write_splat(folder.path(), &cloud);
+    let warnings = inspected(folder.path(), &Options::default()).warnings;
+    assert!(
+        warnings.iter().any(|text| text.contains("x y z w") && text.contains("--quaternions xyzw")),
+        "{warnings:?}"
+    );
+    let options = Options { quaternions: QuaternionOrder::Xyzw, ..Options::default() };
+    let read = inspected(folder.path(), &options);
+    assert_eq!(median_psnr(&read), right);
+    assert!(read.notes.iter().any(|note| note.contains("order xyzw")), "{:?}", read.notes);
 }
 
 fn warning(folder: &Path, options: &Options) -> Option<String> {

@@ -93,13 +93,15 @@ pub fn spz(bytes: &[u8]) {
     let _ = spz::parse(bytes);
 }
 
-/// COLMAP's cameras and images, binary and text.
+/// COLMAP's cameras, images and points, binary and text.
 pub fn colmap(bytes: &[u8]) {
     let _ = colmap::parse_cameras_binary(bytes);
     let _ = colmap::parse_images_binary(bytes);
+    let _ = colmap::parse_points_binary(bytes);
     let text = String::from_utf8_lossy(bytes);
     let _ = colmap::parse_cameras_text(&text);
     let _ = colmap::parse_images_text(&text);
+    let _ = colmap::parse_points_text(&text);
 }
 
 /// nerfstudio's transforms.json and dataparser_transforms.json, 3DGS' cameras.json and cfg_args.

@@ -12,7 +12,7 @@ use crate::grasp::GraspReport;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage, stages};
 use crate::query::{Answers, Outcome};
-use crate::report::{grasp_line, mass_line, part_lines, size_line};
+use crate::report::{grasp_line, mass_line, misfit_line, part_lines, size_line};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
@@ -26,11 +26,12 @@ use super::shown;
 
 /// The result of `stage`, which must be done.
 pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
-    let mut text = match stage {
+    let misfit = misfit_line(stages::scene::misfit(pipeline.opened())?.as_deref());
+    let found = match stage {
         Stage::Scene | Stage::Report => String::new(),
         Stage::Segment => segments(pipeline.segments()?.as_ref()),
         Stage::Consensus if pipeline.opened().options.consensus.ask == Asked::Segments => {
-            return Ok("no parts: the model is asked about segments".to_owned());
+            return Ok(misfit + "no parts: the model is asked about segments");
         }
         Stage::Consensus => parts_of_views(&pipeline.opened().work.read_json(Artifact::FoundParts)?),
         Stage::Query => answers(pipeline.answers()?.as_ref()),
@@ -52,6 +53,7 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
         Stage::Simulate => &[Artifact::Animation, Artifact::Simulation],
         other => &[other.row().result],
     };
+    let mut text = misfit + &found;
     artifacts.iter().for_each(|artifact| text += &format!("{}\n", shown(&pipeline.opened().work.path(*artifact))));
     Ok(text)
 }

@@ -91,7 +91,8 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Command::Inspect(args) => {
             let only_chosen = global.flags.typed.iter().any(|flag| config::name_of(flag) == "views");
             let (inspection, text) = inspect::command(args, only_chosen, global.progress())?;
-            print(global, &inspection, || text)
+            print(global, &inspection, || text)?;
+            Ok(inspection.require_aligned()?)
         }
         Command::Batch(args) => batch::run(global, args),
         Command::Evaluate(what) => evaluate::evaluate(global, what),

@@ -4,6 +4,7 @@
 //! if it is a regular file (or a link to one), and everything else is refused at once.
 
 pub mod jpeg;
+pub mod json;
 pub mod npy;
 pub mod npz;
 pub mod read_scope;

@@ -57,7 +57,7 @@ pub(super) fn as_the_splat_shows(scene: &Scene, mut photo: Photo) -> Photo {
 
 /// 10 log10(1 / mean squared error) of the colours (each channel 0 to 1), with the picture over white like the photo; at
 /// most 99, which stands for equal pictures.
-fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
+pub(super) fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
     const EQUAL: f64 = 99.0;
     let mut sum = 0.0;
     for ((photo, color), alpha) in photo.pixels().zip(&picture.rgb).zip(&picture.alpha) {

@@ -1,20 +1,26 @@
-//! Finds which of the usual conversions would bring the cameras into the splat's frame, by trying all of them.
+//! Finds what would bring the cameras into the splat's frame, by trying it.
 //!
-//! 1. Every way to read a pose, flip the camera's axes and exchange the world's is tried at the file's own scale;
-//!    conversions after which some view would not even have the object in its picture are discarded without rendering.
-//! 2. If none fits, the most common of them are tried with the camera centres scaled.
-//! 3. The best candidates are rendered for more views; the winner's scale is refined.
+//! 1. The similarity that gsplat's trainer computes from a COLMAP model, which follows from the files.
+//! 2. The usual conversions. Every way to read a pose, flip the camera's axes and exchange the world's is tried at the file's
+//!    own scale; conversions after which some view would not even have the object in its picture are discarded without
+//!    rendering. If none fits, the most common of them are tried with the camera centres scaled. The best candidates are
+//!    rendered for more views; the winner's scale is refined.
+//! 3. Any other [similarity](similarity).
+//!
+//! The first of these after which the photos fit the splat, by the same rules as for the cameras as they are, is suggested.
 
-use nalgebra::Point3;
+use nalgebra::{Isometry3, Point3, Similarity3};
 use serde::Serialize;
 
-use super::verdict::{Small, Verdict, correlation, picture, small_views};
+use super::verdict::{self, MOST_VIEWS, SIDE, Small, Verdict, correlation, picture, small_views};
+use super::{ViewFit, compare, similarity};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::RenderOptions;
-use crate::scene::cameras::align::{Conversion, Reading, SignedPermutation};
+use crate::scene::cameras::align::{Align, Conversion, Reading, SignedPermutation, rounded as rounded_similarity};
 use crate::scene::{Scene, SceneError, View};
+use crate::words::progress::Progress;
 
 /// A conversion that makes the photos fit.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -26,12 +32,15 @@ pub struct Suggestion {
     /// Median correlation of photos and splat before and after, -1 to 1.
     pub correlation_before: f64,
     pub correlation_after: f64,
+    /// Median PSNR of the same views in dB, before and after.
+    pub psnr_before_db: f64,
+    pub psnr_after_db: f64,
 }
 
 /// A winner with less than this has won by chance.
 const LEAST_CORRELATION: f64 = 0.8;
-/// Minimum gain in correlation of the winner.
-const LEAST_GAIN: f64 = 0.05;
+/// Minimum gain of a conversion in PSNR.
+const LEAST_GAIN_DB: f64 = 1.0;
 /// Number of views rendered for each candidate, and number of candidates rendered for all views.
 const FIRST_VIEWS: usize = 3;
 const FINALISTS: usize = 6;
@@ -40,40 +49,112 @@ const MOST_GAUSSIANS: usize = 40_000;
 /// Share of the object that each view must have in its picture for a candidate to be rendered.
 const LEAST_IN_PICTURE: f64 = 0.3;
 
-/// The best conversion, if it fits well and better than `applied`, which the cameras of `views` have gone through and
-/// which it is to replace.
+/// A usual conversion with at least this correlation needs no other similarity to be sought: what misses a pixel of small
+/// pictures costs more.
+const SURE_CORRELATION: f64 = 0.95;
+
+/// What makes the photos fit best, better than the conversion that the cameras of `views` have gone through and which it is
+/// to replace. `fits` and `verdict`: how the views fit now.
 pub(super) fn suggest(
     scene: &Scene,
     views: &[View],
-    applied: &Conversion,
+    fits: &[ViewFit],
     verdict: &Verdict,
 ) -> Result<Option<Suggestion>, SceneError> {
-    let mut small = small_views(scene, views)?;
-    for view in &mut small {
-        view.camera.camera_from_world = applied.undo(&view.camera.camera_from_world);
-    }
-    let search = Search {
-        cloud: reduced(&scene.whole_cloud()),
-        samples: samples(&scene.gaussians),
-        views: small,
-        options: RenderOptions::default(),
+    let as_in_file = |view: &View| seen_from(view, scene.conversion.undo(&view.camera.camera_from_world));
+    let step = views.len().div_ceil(MOST_VIEWS).max(1);
+    let trial = Trial {
+        scene,
+        views: views.iter().step_by(step).map(as_in_file).collect(),
+        correlation_before: verdict.correlation,
+        psnr_before_db: median_psnr(fits.iter().step_by(step)),
     };
-    let mut best = search.best(&at_own_scale());
-    if best.1 < LEAST_CORRELATION {
-        let mut scaled = search.best(&at_other_scales());
-        search.refine(&mut scaled);
-        if scaled.1 > best.1 {
-            best = scaled;
+    if let Some(found) = trial.of_gsplat()? {
+        return Ok(Some(found));
+    }
+    let usual = trial.usual()?;
+    if usual.as_ref().is_some_and(|usual| usual.correlation_after >= SURE_CORRELATION) {
+        return Ok(usual);
+    }
+    for similarity in similarity::search(scene, &trial.views)? {
+        let conversion = Conversion { similarity: rounded_similarity(&similarity), ..Conversion::default() };
+        let found = trial.of(&Align::By(conversion), &conversion)?;
+        if let Some(found) = found
+            && usual.as_ref().is_none_or(|usual| found.psnr_after_db > usual.psnr_after_db)
+        {
+            return Ok(Some(found));
         }
     }
-    let (conversion, correlation_after) = best;
-    let convincing = correlation_after >= LEAST_CORRELATION && correlation_after >= verdict.correlation + LEAST_GAIN;
-    Ok(convincing.then(|| Suggestion {
-        align: conversion.to_string(),
-        meaning: meaning(&conversion),
-        correlation_before: verdict.correlation,
-        correlation_after,
-    }))
+    Ok(usual)
+}
+
+/// The views that conversions are tried on.
+struct Trial<'a> {
+    scene: &'a Scene,
+    /// With their cameras before any conversion.
+    views: Vec<View>,
+    correlation_before: f64,
+    psnr_before_db: f64,
+}
+
+impl Trial<'_> {
+    /// The suggestion of this conversion if it makes the photos fit, and better than before.
+    fn of(&self, align: &Align, conversion: &Conversion) -> Result<Option<Suggestion>, SceneError> {
+        let after = |view: &View| seen_from(view, conversion.apply(&view.camera.camera_from_world));
+        let views: Vec<View> = self.views.iter().map(after).collect();
+        let fits = compare::compare(self.scene, &views, Progress::Hidden)?;
+        let verdict = verdict::of(self.scene, &views, &fits)?.filter(|verdict| verdict.aligned);
+        let psnr_after_db = median_psnr(fits.iter());
+        let better = verdict.filter(|_| psnr_after_db >= self.psnr_before_db + LEAST_GAIN_DB);
+        Ok(better.map(|verdict| Suggestion {
+            align: align.to_string(),
+            meaning: meaning(align, conversion),
+            correlation_before: self.correlation_before,
+            correlation_after: verdict.correlation,
+            psnr_before_db: self.psnr_before_db,
+            psnr_after_db,
+        }))
+    }
+
+    /// The best of the similarities that gsplat may have used.
+    fn of_gsplat(&self) -> Result<Option<Suggestion>, SceneError> {
+        let mut best: Option<Suggestion> = None;
+        for (turn, conversion) in self.scene.registered.of_gsplat()? {
+            let found = self.of(&Align::Gsplat(turn), &conversion)?;
+            let psnr = |one: &Option<Suggestion>| one.as_ref().map(|one| one.psnr_after_db);
+            if psnr(&found) > psnr(&best) {
+                best = found;
+            }
+        }
+        Ok(best)
+    }
+
+    /// The best of the usual conversions.
+    fn usual(&self) -> Result<Option<Suggestion>, SceneError> {
+        let search = Search {
+            cloud: reduced(&self.scene.whole_cloud()),
+            samples: samples(&self.scene.gaussians),
+            views: small_views(self.scene, &self.views, SIDE, MOST_VIEWS)?,
+            options: RenderOptions::default(),
+        };
+        let mut best = search.best(&at_own_scale());
+        if best.1 < LEAST_CORRELATION {
+            let mut scaled = search.best(&at_other_scales());
+            search.refine(&mut scaled);
+            if scaled.1 > best.1 {
+                best = scaled;
+            }
+        }
+        if best.1 < LEAST_CORRELATION { Ok(None) } else { self.of(&Align::By(best.0), &best.0) }
+    }
+}
+
+fn seen_from(view: &View, camera_from_world: Isometry3<f64>) -> View {
+    View { camera: Camera { camera_from_world, ..view.camera.clone() }, ..view.clone() }
+}
+
+fn median_psnr<'a>(fits: impl Iterator<Item = &'a ViewFit>) -> f64 {
+    upper_median(fits.map(|fit| fit.psnr_db).collect()).unwrap_or_default()
 }
 
 struct Search<'a> {
@@ -150,7 +231,7 @@ fn at_own_scale() -> Vec<Conversion> {
     for world in SignedPermutation::all() {
         for reading in READINGS {
             for camera_flip in [0b000, 0b110, 0b101, 0b011, 0b010, 0b001, 0b100, 0b111].map(flips) {
-                all.push(Conversion { reading, camera_flip, world, scale: 1.0 });
+                all.push(Conversion { reading, camera_flip, world, ..Conversion::default() });
             }
         }
     }
@@ -203,8 +284,11 @@ fn samples(gaussians: &Gaussians) -> Vec<Point3<f64>> {
 }
 
 /// Describes a conversion in words.
-fn meaning(conversion: &Conversion) -> String {
+fn meaning(align: &Align, conversion: &Conversion) -> String {
     let mut parts = Vec::new();
+    if matches!(align, Align::Gsplat(_)) {
+        return "the splat is in the frame that gsplat's trainer computes from cameras and points (normalize_world_space)".to_owned();
+    }
     if conversion.is_none() {
         parts.push("the cameras need no conversion".to_owned());
     }
@@ -232,6 +316,13 @@ fn meaning(conversion: &Conversion) -> String {
     }
     if conversion.scale != 1.0 {
         parts.push(format!("the camera centres have to be scaled by {}", conversion.scale));
+    }
+    if conversion.similarity != Similarity3::identity() {
+        let (angle, scale) =
+            (conversion.similarity.isometry.rotation.angle().to_degrees(), conversion.similarity.scaling());
+        parts.push(format!(
+            "the splat's world is that of the cameras turned by {angle:.0} degrees, scaled by {scale:.4} and shifted"
+        ));
     }
     parts.join("; ")
 }

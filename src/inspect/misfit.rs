@@ -45,7 +45,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
     };
     Ok(Some(format!(
         "{problem}: either they show different objects, or cameras and splat do not share a coordinate frame. In \
-         both cases all results are meaningless; see `gprop inspect`, which tries the usual conversions"
+         both cases all results are meaningless; see `gprop inspect`, which searches for the --align that mends it"
     )))
 }
 

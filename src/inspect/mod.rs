@@ -3,7 +3,7 @@
 //!
 //! 1. [`compare`]: PSNR and mask overlap view by view.
 //! 2. [`verdict`]: whether the photos fit their own cameras better than those of other views.
-//! 3. [`diagnose`]: if they do not, which of the usual conversions would make them fit.
+//! 3. [`diagnose`]: if they do not, which conversion would make them fit: one of the usual ones, or any [`similarity`].
 //! 4. [`text`] and [`page`]: the result on one screen, or as a page with the pictures side by side.
 //!
 //! [`misfit()`] looks at a few views only; every run does that before anything else.
@@ -12,6 +12,8 @@ mod compare;
 mod diagnose;
 mod misfit;
 mod page;
+mod quaternions;
+mod similarity;
 mod text;
 mod verdict;
 
@@ -125,6 +127,25 @@ pub enum InspectError {
     Page(#[from] UsageError),
 }
 
+/// The result of an inspection that found photos and splat in different frames.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("photos and splat do not line up; {0}")]
+pub struct NotAligned(String);
+
+impl Inspection {
+    /// Fails if photos and Gaussians do not line up.
+    ///
+    /// # Errors
+    /// [`NotAligned`], which says what to try.
+    pub fn require_aligned(&self) -> Result<(), NotAligned> {
+        match (self.aligned, &self.suggestion) {
+            (Some(false), Some(found)) => Err(NotAligned(format!("add --align {} to every command", found.align))),
+            (Some(false), None) => Err(NotAligned("no conversion was found that fixes it; see above".to_owned())),
+            _ => Ok(()),
+        }
+    }
+}
+
 /// Runs `gprop inspect`: returns the inspection, also as text, and writes the page if asked for. If `only_chosen` is true,
 /// only the views that the options choose are compared.
 ///
@@ -168,9 +189,10 @@ fn inspect_and_draw(
         false => scene.spread_views(MOST_VIEWS)?,
     };
     let fits = compare::compare(&scene, &views, progress)?;
+    scene.warnings.extend(quaternions::warning(&scene, &views, &fits, options)?);
     let verdict = verdict::of(&scene, &views, &fits)?;
     let suggestion = match &verdict {
-        Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, &options.align, verdict)?,
+        Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, &fits, verdict)?,
         _ => None,
     };
     let foreground = views.first().map(|view| photo_with_foreground(&scene, view)).transpose()?;

@@ -121,20 +121,27 @@ pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
             (
                 "try",
                 format!(
-                    "--align {}   ({}; correlation {:.2} -> {:.2})",
-                    found.align, found.meaning, found.correlation_before, found.correlation_after
+                    "--align {}   ({}; correlation {:.2} -> {:.2}, PSNR {:.1} -> {:.1} dB)",
+                    found.align,
+                    found.meaning,
+                    found.correlation_before,
+                    found.correlation_after,
+                    found.psnr_before_db,
+                    found.psnr_after_db
                 ),
             ),
         ],
         (Some(false), None) => vec![
             (
                 "NOT ALIGNED",
-                "photos and Gaussians do not line up, and none of the usual conversions fixes it".to_owned(),
+                "photos and Gaussians do not line up, and neither one of the usual conversions nor any rotation, shift and scale \
+                 that was tried fixes it".to_owned(),
             ),
             (
                 "try",
                 "the cameras that the splat was trained with (--cameras); for a nerfstudio export, its \
-                 dataparser_transforms.json beside the splat; or make sure that the splat is of this capture"
+                 dataparser_transforms.json beside the splat; for gsplat's trainer, points3D.bin beside COLMAP's cameras \
+                 (it moves both unless --no-normalize-world-space); or make sure that the splat is of this capture"
                     .to_owned(),
             ),
         ],

@@ -1,7 +1,7 @@
 //! Decides whether photos and Gaussians line up, on small pictures, which are insensitive to noise and exposure.
 
 use image::imageops::{FilterType, resize};
-use image::{Rgb32FImage, buffer::ConvertBuffer};
+use image::{GrayImage, Luma, Rgb, Rgb32FImage, RgbImage, buffer::ConvertBuffer};
 use rayon::prelude::*;
 
 use super::ViewFit;
@@ -10,10 +10,10 @@ use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
-use crate::scene::{Scene, SceneError, View};
+use crate::scene::{ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
 
 /// Longest side of the small pictures in pixels.
-const SIDE: u32 = 96;
+pub(super) const SIDE: u32 = 96;
 
 /// Minimum correlation of a photo with the splat seen from its own camera for the two to line up. Trained splats reach
 /// 0.95 and more on their photos; the frames broken on purpose in `tests/inspect.rs` stay below 0.75.
@@ -30,7 +30,7 @@ const ADVANTAGE_NOISE: f64 = 0.005;
 const LEAST_MASK_IOU: f64 = 0.7;
 
 /// Maximum number of views judged.
-const MOST_VIEWS: usize = 12;
+pub(super) const MOST_VIEWS: usize = 12;
 
 /// The agreement of the photos' and the splat's frames.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -44,6 +44,8 @@ pub(super) struct Verdict {
 pub(super) struct Small {
     pub camera: Camera,
     pub picture: Vec<f32>,
+    /// For each pixel, how much of it shows what the splat shows, 0 to 1; `None` if the photo does not tell.
+    pub outline: Option<Vec<f32>>,
 }
 
 /// `None` if there are no views.
@@ -51,7 +53,7 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     if views.is_empty() {
         return Ok(None);
     }
-    let small = small_views(scene, views)?;
+    let small = small_views(scene, views, SIDE, MOST_VIEWS)?;
     let cloud = scene.whole_cloud();
     let options = RenderOptions::default();
     let rendered: Vec<Vec<f32>> = small.iter().map(|view| picture(&cloud, &view.camera, &options)).collect();
@@ -80,18 +82,48 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     Ok(Some(Verdict { aligned, correlation: correlation_with_own }))
 }
 
-/// Up to [`MOST_VIEWS`] of the views, evenly spread, with reduced photos.
-pub(super) fn small_views(scene: &Scene, views: &[View]) -> Result<Vec<Small>, SceneError> {
-    let step = views.len().div_ceil(MOST_VIEWS);
+/// Up to `most` of the views, evenly spread, with photos reduced to `side` pixels along the longer side.
+pub(super) fn small_views(scene: &Scene, views: &[View], side: u32, most: usize) -> Result<Vec<Small>, SceneError> {
+    let step = views.len().div_ceil(most);
     let small = |view: &View| {
         let photo = as_the_splat_shows(scene, view.photo()?);
-        let camera = resized(&view.camera, SIDE);
+        let camera = resized(&view.camera, side.min(view.camera.intrinsics.width.max(view.camera.intrinsics.height)));
         let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         let small: Rgb32FImage = resize(&photo.rgb, width, height, FilterType::Triangle).convert();
-        Ok(Small { camera, picture: small.into_raw() })
+        let outline = outline(scene, &photo).map(|outline| {
+            let small = resize(&outline, width, height, FilterType::Triangle);
+            small.as_raw().iter().map(|value| f32::from(*value) / 255.0).collect()
+        });
+        Ok(Small { camera, picture: small.into_raw(), outline })
     };
     let chosen: Vec<&View> = views.iter().step_by(step.max(1)).collect();
     chosen.into_par_iter().map(small).collect()
+}
+
+/// White on what the splat shows: the photo's foreground if the splat is of that alone, or else what is not white in a photo
+/// on white; `None` if the photo is neither.
+fn outline(scene: &Scene, photo: &Photo) -> Option<GrayImage> {
+    match (scene.object_source, photo.foreground_source) {
+        (ObjectSource::Box, _) => None,
+        (ObjectSource::Whole, ForegroundSource::Alpha | ForegroundSource::Mask) => Some(photo.foreground.clone()),
+        _ => on_white(&photo.rgb),
+    }
+}
+
+/// White on every pixel that is not, if nearly all pixels at the photo's border are white.
+fn on_white(photo: &RgbImage) -> Option<GrayImage> {
+    /// Compression changes white a little.
+    const WHITE: u8 = 248;
+    /// Share of the border's pixels.
+    const NEARLY_ALL: f64 = 0.95;
+    let (width, height) = photo.dimensions();
+    let is_white = |pixel: &Rgb<u8>| pixel.0.iter().all(|channel| *channel >= WHITE);
+    let at_border = |x: u32, y: u32| x == 0 || y == 0 || x + 1 == width || y + 1 == height;
+    let border = photo.enumerate_pixels().filter(|(x, y, _)| at_border(*x, *y));
+    let (white, all) = border.fold((0, 0), |(white, all), (_, _, pixel)| (white + u64::from(is_white(pixel)), all + 1));
+    (white as f64 >= NEARLY_ALL * all as f64).then(|| {
+        GrayImage::from_fn(width, height, |x, y| Luma([if is_white(photo.get_pixel(x, y)) { 0 } else { 255 }]))
+    })
 }
 
 /// The camera of a picture of the same view whose longer side has `longer` pixels.

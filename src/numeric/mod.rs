@@ -1,11 +1,11 @@
-//! Numerical functions and constants for several modules: medians, intervals, directions spread evenly over a sphere, rigid
-//! motions, and the linear light of sRGB colours.
+//! Numerical functions and constants for several modules: medians, intervals, directions and rotations spread evenly, the
+//! point where lines meet, rigid motions, and the linear light of sRGB colours.
 
 pub mod nearest;
 
 use std::f64::consts::PI;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
 
 /// Half-width of a 90 % interval of a normal distribution, in standard deviations.
 pub const NORMAL_90: f64 = 1.645;
@@ -34,6 +34,33 @@ pub fn sphere_directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
         let across = (1.0 - z * z).sqrt();
         Vector3::new(across * cos, across * sin, z)
     })
+}
+
+/// Rotations spread evenly over all of them: super-Fibonacci spirals (Alexa 2022).
+pub fn all_rotations(count: usize) -> impl Iterator<Item = UnitQuaternion<f64>> {
+    /// The positive root of x^4 = x + 4, which the paper derives; the other irrational is the square root of two.
+    const PSI: f64 = 1.533_751_168_755_204_3;
+    (0..count).map(move |i| {
+        let at = i as f64 + 0.5;
+        let (inner, outer) = ((at / count as f64).sqrt(), (1.0 - at / count as f64).sqrt());
+        let (alpha, beta) = (2.0 * PI * at / 2.0_f64.sqrt(), 2.0 * PI * at / PSI);
+        let (x, y) = (inner * alpha.sin(), inner * alpha.cos());
+        UnitQuaternion::new_normalize(Quaternion::new(outer * beta.cos(), x, y, outer * beta.sin()))
+    })
+}
+
+/// The point with the least sum of squared distances from all lines (through `centers` along `axes`); `None` if the
+/// lines are parallel.
+pub fn nearest_to_lines(centers: &[Point3<f64>], axes: &[Vector3<f64>]) -> Option<Point3<f64>> {
+    let mut sum = Matrix3::zeros();
+    let mut weighted = Vector3::zeros();
+    for (center, axis) in centers.iter().zip(axes) {
+        let across = Matrix3::identity() - axis * axis.transpose();
+        sum += across;
+        weighted += across * center.coords;
+    }
+    let least = sum.symmetric_eigenvalues().min();
+    (least > 1e-3 * centers.len() as f64).then(|| sum.try_inverse().map(|inverse| (inverse * weighted).into()))?
 }
 
 /// The rigid motion that brings the first point of each pair nearest to the second: the one with the least sum of squared

@@ -25,7 +25,7 @@ pub use disagreement::{Disagreement, NamedMaterial};
 pub use motion::Motion;
 pub use page::page;
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
-pub use summary::{ESTIMATED, grasp_line, mass_line, part_lines, size_line, summary};
+pub use summary::{ESTIMATED, grasp_line, mass_line, misfit_line, part_lines, size_line, summary};
 
 /// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its
 /// meaning or is removed.
@@ -110,6 +110,8 @@ pub struct SceneSummary {
     pub sh_degree: u8,
     /// `None` if the metric scale is unknown.
     pub scale: Option<MetricScale>,
+    /// How photos and splat disagree, which makes all results meaningless; `None` if they agree.
+    pub misfit: Option<String>,
     /// The longest side of the object's box, in scene units.
     #[cfg_attr(test, schemars(range(min = 0)))]
     pub longest_side: f64,

@@ -22,6 +22,7 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
         counted(scene.views.len(), "view"),
         counted(report.labels.len(), "part"),
     );
+    text += &misfit_line(scene.misfit.as_deref());
     text += &part_lines(&report.labels, report.parts.as_ref());
     if let Some(parts) = &report.parts {
         text += &mass_line(parts);
@@ -37,6 +38,11 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
     }
     let _ = write!(text, "report {}", one_line(&report_page.to_string_lossy()));
     text
+}
+
+/// That photos and splat disagree, if they do.
+pub fn misfit_line(misfit: Option<&str>) -> String {
+    misfit.map_or_else(String::new, |misfit| format!("NOT ALIGNED  {}\n", one_line(misfit)))
 }
 
 /// A line for each part: its number, material, mass and name.

@@ -243,9 +243,7 @@ fn printable(name: &OsStr) -> String {
 /// The content of a JSON file; empty if it does not exist.
 fn json<T: Default + for<'de> Deserialize<'de>>(path: &Path) -> Result<T, SceneError> {
     match files::read(path) {
-        Ok(bytes) => {
-            serde_json::from_slice(&bytes).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })
-        }
+        Ok(bytes) => files::json::parse(&bytes).map_err(|reason| SceneError::Json { path: path.to_owned(), reason }),
         Err(reason) if reason.kind() == std::io::ErrorKind::NotFound => Ok(T::default()),
         Err(reason) => Err(SceneError::Io { path: path.to_owned(), reason }),
     }

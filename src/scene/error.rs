@@ -7,6 +7,7 @@ use thiserror::Error;
 use super::cameras::{FrameProblem, colmap};
 use super::splat::{dot_splat, ksplat, sog, spz};
 use crate::config::option_values::OptionError;
+use crate::files::json;
 use crate::scene::object::outliers::AllSetAside;
 use crate::scene::splat::ply::PlyError;
 use crate::words::output::counted;
@@ -91,6 +92,8 @@ pub enum SceneError {
         folder.display()
     )]
     NoMasks { folder: PathBuf, first: String, views: usize },
+    #[error("--align {given}: {problem}; see what `gprop inspect` suggests")]
+    Align { given: String, problem: &'static str },
     #[error("--scale {given}: {problem}")]
     Scale { given: String, problem: String },
     #[error(
@@ -100,7 +103,7 @@ pub enum SceneError {
     )]
     EmptyBox { given: String, low: [f64; 3], high: [f64; 3] },
     #[error("`{}`: {reason}; correct it there or export the cameras again", path.display())]
-    Json { path: PathBuf, reason: serde_json::Error },
+    Json { path: PathBuf, reason: json::Problem },
     #[error("`{}` has no frames, so there are no photos to segment; name other cameras with --cameras, or use --render-views N", path.display())]
     NoFrames { path: PathBuf },
     #[error("`{}`, frame {frame} (`{file}`): {problem}", path.display())]
@@ -175,6 +178,10 @@ impl SceneError {
 pub enum SplatProblem {
     #[error("is not a splat format that gprop reads: the name must end in one of {endings}")]
     Format { endings: String },
+    #[error(
+        "--quaternions is for splats in plain PLY files; this format defines the order itself, so leave the option out"
+    )]
+    QuaternionOrder,
     #[error(transparent)]
     Ksplat(#[from] ksplat::Problem),
     #[error(transparent)]

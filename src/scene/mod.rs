@@ -28,7 +28,8 @@ use crate::camera::Camera;
 use crate::files;
 use crate::gaussians::Gaussians;
 use crate::units::MetricScale;
-use cameras::dataparser;
+use cameras::align::{Align, Conversion};
+use cameras::{Registered, dataparser};
 
 pub use crate::gaussians::bounds::Bounds;
 pub(crate) use crate::gaussians::bounds::robust_bounds;
@@ -42,7 +43,7 @@ pub use scale::marker::Marker;
 pub use scale::marker::board::svg as marker_board;
 pub use scale::{ScaleChoice, SizedMarker};
 pub use splat::Loaded;
-pub use splat::{SPLAT_FORMATS, SplatFormat};
+pub use splat::{QuaternionOrder, SPLAT_FORMATS, SplatFormat};
 
 /// The largest error of a length that gives the scale, as a share of it: the scale's interval then ends at ten times the scale,
 /// and beyond any bound for larger errors. A side of the object with a larger error is refused; that of a marker is cut off.
@@ -61,6 +62,10 @@ pub struct Scene {
     pub object_source: ObjectSource,
     /// Every view with a camera and a photo, in the order of the camera file.
     pub views: Vec<View>,
+    /// The conversion that the views' cameras went through: `--align`.
+    pub conversion: Conversion,
+    /// All cameras of the camera file before that, and the points that were found with them.
+    pub registered: Registered,
     /// `None` if the metric scale is unknown.
     pub scale: Option<MetricScale>,
     /// Every file that was read, apart from the photos and their masks.
@@ -120,14 +125,19 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let views = match options.render_views {
         Some(_) => {
             // The file relates the splat to cameras that are not read.
-            if found.dataparser(folder, None).is_some() {
+            let align = match options.align {
+                Align::By(conversion) => Some(conversion),
+                Align::Gsplat(_) => None,
+            };
+            if found.dataparser(folder, None).is_some() || align.is_none() {
                 found.splat_units_per_camera_unit = None;
             }
+            found.conversion = align.unwrap_or_default();
             Vec::new()
         }
         None => found.views(folder, options)?,
     };
-    let splat = found.read_splat(&splat_path)?;
+    let splat = found.read_splat(&splat_path, options)?;
     let separated = object::separate(splat.gaussians, &views, options)?;
     found.notes.push(separated.note);
     let mut object = separated.object;
@@ -140,7 +150,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         views: &views,
         data_set: found
             .splat_units_per_camera_unit
-            .and_then(|units| dataset::convention_of(folder, units * options.align.scale)),
+            .and_then(|units| dataset::convention_of(folder, units * found.conversion.scaling())),
     };
     let (scale, warning) = options.scale.metric_scale(&measured)?;
     found.warnings.extend(warning);
@@ -152,6 +162,8 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         surroundings: separated.surroundings,
         object_source: separated.source,
         views,
+        conversion: found.conversion,
+        registered: found.registered,
         files: found.files,
         notes: found.notes,
         warnings: found.warnings,
@@ -175,11 +187,20 @@ struct Found {
     /// Splat units per unit of the cameras in their file, without the scale of `--align`: nerfstudio trains in units of
     /// its own. `None` if unknown.
     splat_units_per_camera_unit: Option<f64>,
+    conversion: Conversion,
+    registered: Registered,
 }
 
 impl Default for Found {
     fn default() -> Self {
-        Self { files: Vec::new(), notes: Vec::new(), warnings: Vec::new(), splat_units_per_camera_unit: Some(1.0) }
+        Self {
+            files: Vec::new(),
+            notes: Vec::new(),
+            warnings: Vec::new(),
+            splat_units_per_camera_unit: Some(1.0),
+            conversion: Conversion::default(),
+            registered: Registered::default(),
+        }
     }
 }
 
@@ -201,8 +222,8 @@ impl Found {
         Ok(path)
     }
 
-    fn read_splat(&mut self, path: &Path) -> Result<Loaded, SceneError> {
-        let mut splat = splat::read(path)?;
+    fn read_splat(&mut self, path: &Path, options: &Options) -> Result<Loaded, SceneError> {
+        let mut splat = splat::read(path, options.quaternions)?;
         let prefixed = |text: String| format!("`{}`: {text}", path.display());
         self.notes.extend(std::mem::take(&mut splat.notes).into_iter().map(prefixed));
         self.warnings.extend(std::mem::take(&mut splat.warnings).into_iter().map(prefixed));
@@ -218,29 +239,36 @@ impl Found {
         self.note_choice("cameras", folder, &choice.path, &others, "--cameras");
         let (mut capture, files) = cameras::read(&choice)?;
         self.files.extend(files);
-        self.follow_dataparser(folder, options, &choice, &mut capture)?;
+        let moved = self.follow_dataparser(folder, options, &choice, &mut capture)?;
+        let named = options.cameras.as_deref();
+        let registered = Registered::of(&capture, &choice, &options.read_scope(folder).and(named));
+        self.registered = if moved { registered.without_points() } else { registered };
+        self.conversion = self.registered.conversion(&options.align)?;
         let places = cameras::Places::of(folder, &choice, options);
         let found = cameras::find_photos(&choice.path, &capture.frames, &places)?;
         self.warnings.extend(found.warnings);
         let mut views = found.views;
-        if !options.align.is_none() {
+        if !self.conversion.is_none() {
             self.notes.push(format!("cameras converted by --align {}", options.align));
             for view in &mut views {
-                view.camera.camera_from_world = options.align.apply(&view.camera.camera_from_world);
+                view.camera.camera_from_world = self.conversion.apply(&view.camera.camera_from_world);
             }
+        }
+        if matches!(options.align, Align::Gsplat(_)) {
+            self.files.extend(self.registered.points().map(Path::to_owned));
         }
         Ok(views)
     }
 
-    /// Applies a `dataparser_transforms.json` beside the splat or the cameras, which belongs to both.
+    /// Applies a `dataparser_transforms.json` beside the splat or the cameras, which belongs to both; false if there is none.
     fn follow_dataparser(
         &mut self,
         folder: &Path,
         options: &Options,
         choice: &cameras::CameraSource,
         capture: &mut cameras::Capture,
-    ) -> Result<(), SceneError> {
-        let Some(path) = self.dataparser(folder, Some(&choice.path)) else { return Ok(()) };
+    ) -> Result<bool, SceneError> {
+        let Some(path) = self.dataparser(folder, Some(&choice.path)) else { return Ok(false) };
         // The user allows the files beside those that a flag names.
         let named = [options.splat.as_deref(), options.cameras.as_ref().map(|_| choice.path.as_path())];
         let scope = options.read_scope(folder).and(named.into_iter().flatten().filter_map(Path::parent));
@@ -250,7 +278,7 @@ impl Found {
         dataparser::follow(capture, &splat_from_input);
         self.notes.push(format!("cameras brought into the splat's frame by `{}`", path.display()));
         self.files.push(path);
-        Ok(())
+        Ok(true)
     }
 
     /// The `dataparser_transforms.json` beside the splat, the camera file or in the scene's folder.

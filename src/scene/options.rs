@@ -14,7 +14,8 @@ use crate::config::as_typed::as_typed;
 use crate::config::option_values::{self, Domain, OptionError, check_typed, from_to};
 use crate::files::read_scope::ReadScope;
 use crate::gaussians::bounds::Bounds;
-use crate::scene::cameras::align::Conversion;
+use crate::scene::cameras::align::Align;
+use crate::scene::splat::QuaternionOrder;
 
 /// The keys that a scene may set: where its own files are, which views show it best, its frame, its object and its
 /// scale. Only the user may allow files outside its folder to be read.
@@ -22,6 +23,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("views"),
     SceneKey::any("view-list"),
     SceneKey::path("splat"),
+    SceneKey::any("quaternions"),
     SceneKey::path("cameras"),
     SceneKey::path("images"),
     SceneKey::path("masks"),
@@ -58,6 +60,10 @@ pub struct Options {
     #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub splat: Option<PathBuf>,
 
+    /// Order in which a PLY splat's rot_0 to rot_3 hold a quaternion; some programs write w last (`gprop inspect` notices)
+    #[arg(long, value_enum, value_name = "ORDER", default_value_t)]
+    pub quaternions: QuaternionOrder,
+
     /// Cameras: a transforms.json, a cameras.json of 3DGS, or a folder with a COLMAP model [default: found in the scene
     /// folder]
     #[arg(long, value_name = "PATH", value_parser = option_values::file_or_folder(), overrides_with = "render_views")]
@@ -78,9 +84,10 @@ pub struct Options {
     #[serde(skip)]
     pub allow_read: Vec<PathBuf>,
 
-    /// Conversion of the cameras to the splat's frame, as `gprop inspect` suggests it: names joined with `+`
+    /// Conversion of the cameras to the splat's frame, as `gprop inspect` suggests it: names joined with `+`, or `gsplat` for
+    /// the frame that gsplat's trainer computes from a COLMAP model (normalize_world_space)
     #[arg(long, value_name = "NAME[+NAME...]", default_value_t)]
-    pub align: Conversion,
+    pub align: Align,
 
     /// Box around the object: two corners in scene units. Without a box, alpha or masks, the object is the densest cluster of
     /// Gaussians that the cameras look at

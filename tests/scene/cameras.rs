@@ -1,7 +1,7 @@
 //! Cameras of every program, built in code and compared with the documentation of each format.
 
 use gprop::camera::{Distortion, Polynomial};
-use gprop::scene::cameras::align::{Conversion, SignedPermutation};
+use gprop::scene::cameras::align::{Align, Conversion, SignedPermutation};
 use gprop::scene::cameras::gaussian_splatting::TrainingArguments;
 use gprop::scene::cameras::{Focal, colmap, transforms};
 use gprop::scene::splat::ply;
@@ -583,6 +583,26 @@ fn a_byte_order_mark_is_no_part_of_a_camera_file() {
 }
 
 #[test]
+fn every_json_file_of_a_scene_says_what_is_not_json() {
+    let utf16 = |text: &str| -> Vec<u8> { text.encode_utf16().flat_map(u16::to_le_bytes).collect() };
+    let made_up = MadeUp::new();
+    std::fs::copy(made_up.path("transforms.json"), made_up.path("cameras.json")).unwrap();
+    let dataparser = made_up.path("dataparser_transforms.json");
+    std::fs::write(&dataparser, utf16("{\"scale\": 1.0}")).unwrap();
+    assert_message(made_up.load_as_is(&Options::default()), &["dataparser_transforms.json", "UTF-16"]);
+    std::fs::write(&dataparser, "{\"scale\": 1.0, \"transform\": [[NaN]]}").unwrap();
+    assert_message(made_up.load_as_is(&Options::default()), &["dataparser_transforms.json", "line 1 column 31: NaN"]);
+    std::fs::remove_file(&dataparser).unwrap();
+    let named = Options { cameras: Some(made_up.path("cameras.json")), ..Options::default() };
+    for (text, words) in
+        [(utf16("[]"), "UTF-16"), (b"// 3DGS\n[]".to_vec(), "line 1 column 1: a comment begins here (`//`)")]
+    {
+        std::fs::write(made_up.path("cameras.json"), text).unwrap();
+        assert_message(made_up.load_as_is(&named), &["cameras.json", words]);
+    }
+}
+
+#[test]
 fn a_frames_own_angle_replaces_the_files_focal_length() {
     let mut made_up = super::folder::MadeUp::new();
     made_up.transforms["frames"][0]["camera_angle_x"] = json!(0.8);
@@ -600,12 +620,31 @@ fn conversions_are_written_as_they_are_read() {
         "inverted+camera-yz",
         "camera-y+world=x,-y,z",
         "world=y,z,x+scale=0.1",
+        "camera-yz+sim=2.5,0.5,-0.5,0.5,-0.5,1,-20.25,0.001",
+        "gsplat",
+        "gsplat-z",
     ] {
-        let conversion: Conversion = text.parse().unwrap();
-        assert_eq!(conversion.to_string(), text);
+        let align: Align = text.parse().unwrap();
+        assert_eq!(align.to_string(), text);
     }
-    for text in ["", "camera-y", "camera-", "camera-w", "world=x,x,z", "world=x,y", "scale=0", "scale=-1", "flipped"] {
-        assert!(text.parse::<Conversion>().is_err(), "{text}");
+    for text in [
+        "",
+        "camera-y",
+        "camera-",
+        "camera-w",
+        "world=x,x,z",
+        "world=x,y",
+        "scale=0",
+        "scale=-1",
+        "flipped",
+        "gsplat-w",
+        "gsplat+scale=2",
+        "sim=1",
+        "sim=0,1,0,0,0,0,0,0",
+        "sim=1,0,0,0,0,0,0,0",
+        "sim=1,1,0,0,0,0,0,inf",
+    ] {
+        assert!(text.parse::<Align>().is_err(), "{text}");
     }
     // None of the parts is dropped without a word.
     for text in ["transposed+inverted", "camera-xy+camera-yz", "world=x,y,z+world=y,z,x", "scale=2+scale=3"] {
@@ -625,6 +664,9 @@ fn align_undoes_another_convention() {
     let near = |a: Isometry3<f64>, b: Isometry3<f64>| (a.to_homogeneous() - b.to_homogeneous()).norm() < 1e-12;
     assert!(near(apply("none"), pose));
     assert!(near(apply("inverted"), pose.inverse()));
+    let all: Conversion = "inverted+camera-y+world=y,x,z+scale=3+sim=0.5,0.6,0,0.8,0,1,2,3".parse().unwrap();
+    assert!(near(all.undo(&all.apply(&pose)), pose));
+    assert_eq!(all.scaling(), 1.5);
     let opengl = Isometry3::rotation(Vector3::x() * std::f64::consts::PI) * pose;
     assert!(near(apply("camera-yz"), opengl));
     // The new world's x is the old y and so on: a point moves with it, so the camera sees it in the same place.

@@ -377,6 +377,11 @@ fn broken_json_has_line_and_column() {
         scene::load(made_up.folder.path(), &Options::default())
     };
     assert_message(load("{\n \"frames\": [,]\n}"), &["transforms.json", "line 2 column 13"]);
+    assert_message(
+        load("{\"fl_x\": NaN, \"frames\": []}"),
+        &["transforms.json", "line 1 column 10", "NaN is not JSON"],
+    );
+    assert_message(load("{\n// by hand\n\"frames\": []}"), &["line 2 column 1: a comment begins here"]);
     assert_message(load("{\"frames\": ["), &["EOF", "line 1 column 12"]);
     assert_message(load("{}"), &["missing field `frames`"]);
     assert_message(load("{\"frames\": []}"), &["has no frames"]);

@@ -405,6 +405,43 @@ fn each_bad_file_has_its_message() {
 }
 
 #[test]
+fn values_that_were_written_activated_are_refused_at_once() {
+    let mut cloud = crate::inspect::thinned().clone();
+    assert!(ply::parse(&written(&cloud)).is_ok());
+    let stored = cloud.clone();
+    let words = |cloud: &Gaussians| refusal(&written(cloud)).to_string();
+    cloud.log_scales.iter_mut().flatten().for_each(|scale| *scale = scale.exp());
+    // Lengths alone: every Gaussian would be more than a scene unit large, which the whole object is not.
+    assert!(words(&cloud).contains("all scales are positive; as logarithms"), "{}", words(&cloud));
+    for i in 0..cloud.len() {
+        cloud.opacity_logits[i] = stored.opacity(i) as f32;
+    }
+    let both = words(&cloud);
+    assert!(
+        both.contains("all scales are positive and all opacities lie within 0 and 1") && both.contains("ln(scale)")
+    );
+    cloud.log_scales.clone_from(&stored.log_scales);
+    assert!(words(&cloud).contains("look activated: all opacities lie within 0 and 1"));
+}
+
+#[test]
+fn a_coarse_cloud_in_small_units_is_no_activated_one() {
+    let mut cloud = crate::inspect::thinned().clone();
+    // In micrometres, every Gaussian is larger than one unit.
+    for i in 0..cloud.len() {
+        cloud.positions[i] = cloud.positions[i].map(|side| 1e6 * side);
+        cloud.log_scales[i] = cloud.log_scales[i].map(|scale| (scale + 1e6_f32.ln()).max(0.1));
+    }
+    assert!(ply::parse(&written(&cloud)).is_ok());
+}
+
+fn written(cloud: &Gaussians) -> Vec<u8> {
+    let mut file = Vec::new();
+    ply::write(&mut file, cloud, &[]).unwrap();
+    file
+}
+
+#[test]
 fn a_truncated_file_says_what_it_needs_and_has() {
     for encoding in [Encoding::Little, Encoding::Big] {
         let good = encode(&splat(3, 0), encoding);

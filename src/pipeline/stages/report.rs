@@ -94,6 +94,7 @@ pub(crate) fn report(open: &OpenScene, job: &Job) -> Result<Report> {
             gaussians: scene.gaussians.len(),
             sh_degree: scene.gaussians.sh_degree,
             scale: parts::scale(open)?,
+            misfit: scene::misfit(open)?,
             longest_side: longest_side(&scene.gaussians),
             views: open.views.iter().map(|view| view.name.clone()).collect(),
             seen_gaussians: field.views.iter().filter(|&&views| views > 0).count(),

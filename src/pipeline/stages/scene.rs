@@ -22,13 +22,17 @@ struct ViewsFile<'a> {
     /// Number of Gaussians of the object.
     gaussians: usize,
     scale: Option<&'a MetricScale>,
+    /// How photos and splat disagree; `None` if they agree.
+    misfit: Option<&'a str>,
     views: Vec<ViewEntry<'a>>,
 }
 
 /// The part of `views.json` that is read again.
 #[derive(Deserialize)]
-struct StoredScale {
+struct Stored {
     scale: Option<MetricScale>,
+    #[serde(default)]
+    misfit: Option<String>,
 }
 
 #[derive(Serialize)]
@@ -86,12 +90,15 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
         scale
     });
     // Views that are rendered from the splat fit it.
-    if options.render_views.is_none() {
-        warnings.extend(inspect::misfit(scene, &open.views)?);
-    }
+    let misfit = match options.render_views {
+        None => inspect::misfit(scene, &open.views)?,
+        Some(_) => None,
+    };
+    warnings.extend(misfit.clone());
     let file = ViewsFile {
         gaussians: scene.gaussians.len(),
         scale: in_photos.as_ref().or(scene.scale.as_ref()),
+        misfit: misfit.as_deref(),
         views: views.collect(),
     };
     open.work.write_json(Artifact::Views, &file)?;
@@ -105,7 +112,12 @@ pub(super) fn scale(open: &OpenScene) -> Result<Option<MetricScale>, WorkDirErro
 
 /// The scale in `views.json`.
 pub fn stored_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError> {
-    Ok(work.read_json::<StoredScale>(Artifact::Views)?.scale)
+    Ok(work.read_json::<Stored>(Artifact::Views)?.scale)
+}
+
+/// How photos and splat disagree, as in `views.json`; `None` if they agree.
+pub fn misfit(open: &OpenScene) -> Result<Option<String>, WorkDirError> {
+    Ok(open.work.read_json::<Stored>(Artifact::Views)?.misfit)
 }
 
 /// Hash of everything that pictures rendered from the splat depend on, short enough for a folder's name.

@@ -321,7 +321,7 @@ fn json_files(folder: &Path) -> Result<Vec<PathBuf>, RecordingError> {
 fn read(path: &Path) -> Result<Recording, RecordingError> {
     let bytes = crate::files::read(path).map_err(|source| RecordingError::Unreadable { path: path.into(), source })?;
     let broken = |problem: String| RecordingError::Broken { path: path.into(), problem };
-    let recording: Recording = serde_json::from_slice(&bytes).map_err(|error| broken(error.to_string()))?;
+    let recording: Recording = crate::files::json::parse(&bytes).map_err(|error| broken(error.to_string()))?;
     if recording.format != FORMAT {
         return Err(broken(format!("its format is {}, but this gprop reads {FORMAT}", recording.format)));
     }

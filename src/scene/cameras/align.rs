@@ -2,16 +2,64 @@
 //! splat.
 //!
 //! The steps in order: the pose is taken as read, with its rotation transposed, or inverted as a whole; the camera's
-//! own axes are flipped; the world's axes are exchanged and negated; the camera centres are scaled. Written
-//! `transposed+camera-yz+world=x,-z,y+scale=10`.
+//! own axes are flipped; the world's axes are exchanged and negated; the camera centres are scaled; all cameras are moved
+//! together by a similarity. Written `transposed+camera-yz+world=x,-z,y+scale=10+sim=S,QW,QX,QY,QZ,TX,TY,TZ`.
+//!
+//! What the user types is an [`Align`]: such a conversion, or the name of a trainer whose [similarity](super::gsplat)
+//! follows from the cameras and points of the capture.
 
 use std::fmt;
 use std::str::FromStr;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
+use super::gsplat::HalfTurn;
 use crate::config::as_typed::as_typed;
+
+/// `--align`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Align {
+    By(Conversion),
+    /// The similarity with which gsplat's trainer moves COLMAP's cameras, and a half turn about an axis of its result.
+    Gsplat(HalfTurn),
+}
+
+impl Default for Align {
+    fn default() -> Self {
+        Self::By(Conversion::default())
+    }
+}
+
+impl From<Conversion> for Align {
+    fn from(conversion: Conversion) -> Self {
+        Self::By(conversion)
+    }
+}
+
+impl fmt::Display for Align {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::By(conversion) => conversion.fmt(f),
+            Self::Gsplat(turn) => turn.fmt(f),
+        }
+    }
+}
+
+impl FromStr for Align {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let alone = HalfTurn::ALL.into_iter().find(|turn| turn.to_string() == text.trim());
+        match alone {
+            Some(turn) => Ok(Self::Gsplat(turn)),
+            None if text.contains("gsplat") => {
+                Err("gsplat, gsplat-x, gsplat-y and gsplat-z stand alone: they compute the whole conversion".to_owned())
+            }
+            None => text.parse().map(Self::By),
+        }
+    }
+}
 
 /// A change of camera convention. For its result to be a valid camera, it must mirror the camera's axes if and only if it
 /// mirrors the world's.
@@ -23,6 +71,8 @@ pub struct Conversion {
     pub world: SignedPermutation,
     /// Factor applied to the camera centres.
     pub scale: f64,
+    /// Maps the world that the cameras are in by then to the splat's.
+    pub similarity: Similarity3<f64>,
 }
 
 /// How to read the pose in a file.
@@ -73,7 +123,8 @@ impl SignedPermutation {
 impl Default for Conversion {
     fn default() -> Self {
         let world = SignedPermutation::IDENTITY;
-        Self { reading: Reading::AsIs, camera_flip: [false; 3], world, scale: 1.0 }
+        let similarity = Similarity3::identity();
+        Self { reading: Reading::AsIs, camera_flip: [false; 3], world, scale: 1.0, similarity }
     }
 }
 
@@ -92,12 +143,19 @@ impl Conversion {
     pub fn apply(&self, camera_from_world: &Isometry3<f64>) -> Isometry3<f64> {
         let (rotation, center) = self.reading.apply(camera_from_world);
         let world = self.world.matrix();
-        camera(self.flip() * rotation * world.transpose(), world * center * self.scale)
+        let camera = camera(self.flip() * rotation * world.transpose(), world * center * self.scale);
+        moved(&camera, &self.similarity)
+    }
+
+    /// The length that a unit of the cameras' world has after the conversion.
+    pub fn scaling(&self) -> f64 {
+        self.scale * self.similarity.scaling()
     }
 
     /// The camera before the conversion, from the one after it.
     pub fn undo(&self, camera_from_world: &Isometry3<f64>) -> Isometry3<f64> {
-        let (rotation, center) = Reading::AsIs.apply(camera_from_world);
+        let camera_from_world = moved(camera_from_world, &self.similarity.inverse());
+        let (rotation, center) = Reading::AsIs.apply(&camera_from_world);
         let world = self.world.matrix();
         let read = camera(self.flip() * rotation * world, world.transpose() * center / self.scale);
         // Every reading is its own inverse.
@@ -123,6 +181,14 @@ impl Reading {
             Self::Inverted => (rotation.transpose(), camera_from_world.translation.vector.into()),
         }
     }
+}
+
+/// The same camera in the new world that `new_from_old` maps the old one to.
+pub(crate) fn moved(camera_from_world: &Isometry3<f64>, new_from_old: &Similarity3<f64>) -> Isometry3<f64> {
+    let world_from_camera = camera_from_world.inverse();
+    let center = new_from_old * Point3::from(world_from_camera.translation.vector);
+    let rotation = new_from_old.isometry.rotation * world_from_camera.rotation;
+    Isometry3::from_parts(center.coords.into(), rotation).inverse()
 }
 
 /// The pose of a camera with this rotation from the world and this centre.
@@ -154,6 +220,10 @@ impl fmt::Display for Conversion {
         if self.scale != 1.0 {
             parts.push(format!("scale={}", self.scale));
         }
+        if self.similarity != Similarity3::identity() {
+            let numbers: Vec<String> = numbers_of(&self.similarity).iter().map(f64::to_string).collect();
+            parts.push(format!("sim={}", numbers.join(",")));
+        }
         f.write_str(if parts.is_empty() { "none" } else { "" })?;
         f.write_str(&parts.join("+"))
     }
@@ -168,7 +238,9 @@ impl FromStr for Conversion {
         for part in text.split('+').map(str::trim).filter(|part| *part != "none") {
             let unknown = || {
                 format!(
-                    "`{part}` is not one of transposed, transposed-opengl, inverted, camera-AXES, world=A,B,C, scale=F"
+                    "`{part}` is not one of transposed, transposed-opengl, inverted, camera-AXES, world=A,B,C, scale=F, \
+                     sim=S,QW,QX,QY,QZ,TX,TY,TZ (finite numbers, S above zero, a quaternion), or alone gsplat, gsplat-x, \
+                     gsplat-y, gsplat-z"
                 )
             };
             let changed = match part.split_once(['=', '-']) {
@@ -187,6 +259,10 @@ impl FromStr for Conversion {
                     let factor = factor.parse().ok().filter(|factor| f64::is_normal(*factor) && *factor > 0.0);
                     conversion.scale = factor.ok_or_else(unknown)?;
                     "the scale"
+                }
+                Some(("sim", numbers)) => {
+                    conversion.similarity = similarity(numbers).ok_or_else(unknown)?;
+                    "the similarity"
                 }
                 _ => {
                     conversion.reading = reading(part).ok_or_else(unknown)?;
@@ -214,6 +290,40 @@ fn reading(name: &str) -> Option<Reading> {
     }
 }
 
+/// Scale, rotation as w x y z, translation.
+fn numbers_of(similarity: &Similarity3<f64>) -> [f64; 8] {
+    let rotation = similarity.isometry.rotation;
+    let [x, y, z] = similarity.isometry.translation.vector.into();
+    [similarity.scaling(), rotation.w, rotation.i, rotation.j, rotation.k, x, y, z]
+}
+
+/// The same similarity, rounded to few enough digits to be typed: it moves nothing by more than a millionth of its size.
+pub(crate) fn rounded(similarity: &Similarity3<f64>) -> Similarity3<f64> {
+    const DIGITS: usize = 7;
+    let short = numbers_of(similarity).map(|value| format!("{value:.DIGITS$e}").parse().unwrap_or(value));
+    from_numbers(short).unwrap_or(*similarity)
+}
+
+fn similarity(text: &str) -> Option<Similarity3<f64>> {
+    let numbers: Vec<f64> = text.split(',').map(|number| number.trim().parse().ok()).collect::<Option<_>>()?;
+    from_numbers(numbers.try_into().ok()?)
+}
+
+fn from_numbers([scale, w, i, j, k, x, y, z]: [f64; 8]) -> Option<Similarity3<f64>> {
+    let quaternion = Quaternion::new(w, i, j, k);
+    // A quaternion of length one stays as it is: what is printed is what is read.
+    let is_unit = (quaternion.norm() - 1.0).abs() < 1e-6;
+    let rotation = if is_unit {
+        Some(UnitQuaternion::new_unchecked(quaternion))
+    } else {
+        UnitQuaternion::try_new(quaternion, 1e-6)
+    };
+    let finite = [w, i, j, k, x, y, z].iter().all(|value| value.is_finite());
+    (finite && scale.is_normal() && scale > 0.0)
+        .then(|| Some(Similarity3::from_parts(Translation3::new(x, y, z), rotation?, scale)))
+        .flatten()
+}
+
 fn permutation(text: &str) -> Option<SignedPermutation> {
     let axes: Vec<(usize, bool)> = text
         .split(',')
@@ -229,13 +339,13 @@ fn permutation(text: &str) -> Option<SignedPermutation> {
 }
 
 /// Serialized in the form that users type.
-impl Serialize for Conversion {
+impl Serialize for Align {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }
 }
 
-impl<'de> Deserialize<'de> for Conversion {
+impl<'de> Deserialize<'de> for Align {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         as_typed(deserializer)
     }

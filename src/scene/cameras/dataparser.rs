@@ -8,11 +8,13 @@
 
 use std::path::Path;
 
-use nalgebra::{Isometry3, Similarity3};
+use nalgebra::Similarity3;
 use serde::Deserialize;
 
+use super::align::moved;
 use super::transforms::rigid;
-use super::{Applied, Capture, text_of};
+use super::{Applied, Capture, bytes_of};
+use crate::files::json;
 use crate::scene::SceneError;
 
 pub(crate) const FILE: &str = "dataparser_transforms.json";
@@ -25,7 +27,7 @@ struct Transforms {
 
 /// Reads the file at `path`; the result maps the world of the input cameras to the splat's.
 pub(in crate::scene) fn read(path: &Path) -> Result<Similarity3<f64>, SceneError> {
-    let parsed = parse(&text_of(path)?).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
+    let parsed = parse(&bytes_of(path)?).map_err(|reason| SceneError::Json { path: path.to_owned(), reason })?;
     parsed.ok_or_else(|| SceneError::NotASimilarity { path: path.to_owned(), key: "transform and scale" })
 }
 
@@ -33,8 +35,8 @@ pub(in crate::scene) fn read(path: &Path) -> Result<Similarity3<f64>, SceneError
 ///
 /// # Errors
 /// If it is not a JSON file of this form.
-pub fn parse(json: &[u8]) -> Result<Option<Similarity3<f64>>, serde_json::Error> {
-    let transforms: Transforms = serde_json::from_slice(json)?;
+pub fn parse(bytes: &[u8]) -> Result<Option<Similarity3<f64>>, json::Problem> {
+    let transforms: Transforms = json::parse(bytes)?;
     let scale = Some(transforms.scale).filter(|scale| scale.is_normal() && *scale > 0.0);
     let similarity = rigid(&transforms.transform).zip(scale);
     Ok(similarity.map(|(rigid, scale)| Similarity3::from_scaling(scale) * Similarity3::from_isometry(rigid, 1.0)))
@@ -49,12 +51,4 @@ pub(in crate::scene) fn follow(capture: &mut Capture, splat_from_input: &Similar
     for frame in &mut capture.frames {
         frame.camera_from_world = moved(&frame.camera_from_world, &splat_from_cameras);
     }
-}
-
-/// The same camera in the new world that `new_from_old` maps the old one to.
-pub(crate) fn moved(camera_from_world: &Isometry3<f64>, new_from_old: &Similarity3<f64>) -> Isometry3<f64> {
-    let world_from_camera = camera_from_world.inverse();
-    let center = new_from_old * nalgebra::Point3::from(world_from_camera.translation.vector);
-    let rotation = new_from_old.isometry.rotation * world_from_camera.rotation;
-    Isometry3::from_parts(center.coords.into(), rotation).inverse()
 }

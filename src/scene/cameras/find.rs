@@ -97,7 +97,10 @@ fn given_choice(path: &Path) -> Result<CameraSource, SceneError> {
         let model = model.ok_or_else(|| SceneError::UnknownCameras { path: path.to_owned() })?;
         return Ok(CameraSource { kind: Kind::Colmap, path: model });
     }
-    let kind = match text_of(path)?.iter().find(|byte| !byte.is_ascii_whitespace()) {
+    // A file named as JSON that does not begin as such is read all the same: the reader says what is wrong with it.
+    let is_json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
+    let begins = |byte: &&u8| if is_json { matches!(byte, b'[' | b'{') } else { !byte.is_ascii_whitespace() };
+    let kind = match text_of(path)?.iter().find(begins) {
         Some(b'[') => Kind::GaussianSplatting,
         Some(b'{') => Kind::Transforms,
         _ => return Err(SceneError::UnknownCameras { path: path.to_owned() }),

@@ -11,8 +11,9 @@ use serde::Deserialize;
 
 use super::frame::{Declared, Focal, Frame, FrameProblem, positive};
 use super::transforms::Problem;
-use super::{Applied, Capture, text_of};
+use super::{Applied, Capture, bytes_of};
 use crate::camera::{Distortion, rotation_of};
+use crate::files::json;
 use crate::scene::SceneError;
 
 #[derive(Deserialize)]
@@ -28,15 +29,15 @@ struct Entry {
 
 /// Reads the `cameras.json` at `path`.
 pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
-    parse(&text_of(path)?).map_err(|problem| problem.in_file(path))
+    parse(&bytes_of(path)?).map_err(|problem| problem.in_file(path))
 }
 
 /// Reads a `cameras.json` from memory.
 ///
 /// # Errors
 /// [`Problem`] if it is not JSON, has no frames, or a frame is invalid.
-pub fn parse(json: &[u8]) -> Result<Capture, Problem> {
-    let entries: Vec<Entry> = serde_json::from_slice(json).map_err(Problem::Json)?;
+pub fn parse(bytes: &[u8]) -> Result<Capture, Problem> {
+    let entries: Vec<Entry> = json::parse(bytes).map_err(Problem::Json)?;
     if entries.is_empty() {
         return Err(Problem::NoFrames);
     }

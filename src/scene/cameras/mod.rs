@@ -4,7 +4,8 @@
 //! 2. One reader per format turns a camera file into [`Frame`]s: [`transforms`] (nerfstudio, instant-ngp, Blender),
 //!    [`colmap`], [`gaussian_splatting`] (the `cameras.json` of a 3DGS output folder).
 //! 3. [`dataparser`]: nerfstudio trains in its own frame; the cameras are moved to that frame, which is the splat's.
-//! 4. [`find_photos`]: the photo of each frame on disk, its actual size, its mask.
+//! 4. [`align`]: the conversion that the user gives; [`gsplat`]: the one that follows from the cameras themselves.
+//! 5. [`find_photos`]: the photo of each frame on disk, its actual size, its mask.
 
 pub mod align;
 pub mod colmap;
@@ -12,6 +13,8 @@ pub mod dataparser;
 mod find;
 pub(super) mod frame;
 pub mod gaussian_splatting;
+pub mod gsplat;
+mod registered;
 pub mod transforms;
 
 use std::path::{Path, PathBuf};
@@ -21,6 +24,7 @@ use nalgebra::Isometry3;
 pub(super) use crate::scene::photos::find::find_photos;
 pub(super) use find::{CameraSource, Kind, Places, choose};
 pub use frame::{Declared, Focal, Frame, FrameProblem};
+pub use registered::Registered;
 
 use super::SceneError;
 use crate::files;

@@ -12,8 +12,9 @@ use nalgebra::{Isometry3, Matrix3, Matrix4, Translation3};
 use serde::Deserialize;
 
 use super::frame::{Declared, Focal, Frame, FrameProblem, finite, positive};
-use super::{Applied, Capture, text_of};
+use super::{Applied, Capture, bytes_of};
 use crate::camera::{Distortion, Polynomial, camera_from_world_of_opengl, rotation_of};
+use crate::files::json;
 use crate::scene::SceneError;
 
 #[derive(Debug, Deserialize)]
@@ -57,13 +58,13 @@ struct Lens {
 
 /// Reads the camera file at `path`.
 pub(super) fn read(path: &Path) -> Result<Capture, SceneError> {
-    parse(&text_of(path)?).map_err(|problem| problem.in_file(path))
+    parse(&bytes_of(path)?).map_err(|problem| problem.in_file(path))
 }
 
 /// An error in a JSON file of cameras.
 #[derive(Debug)]
 pub enum Problem {
-    Json(serde_json::Error),
+    Json(json::Problem),
     NoFrames,
     Frame { frame: usize, file: String, problem: FrameProblem },
     Applied,
@@ -85,8 +86,8 @@ impl Problem {
 ///
 /// # Errors
 /// [`Problem`] if it is not JSON, has no frames, or a frame is invalid.
-pub fn parse(json: &[u8]) -> Result<Capture, Problem> {
-    let transforms: Transforms = serde_json::from_slice(json).map_err(Problem::Json)?;
+pub fn parse(bytes: &[u8]) -> Result<Capture, Problem> {
+    let transforms: Transforms = json::parse(bytes).map_err(Problem::Json)?;
     if transforms.frames.is_empty() {
         return Err(Problem::NoFrames);
     }

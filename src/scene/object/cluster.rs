@@ -12,10 +12,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::gaussians::Gaussians;
-use crate::numeric::upper_median;
+use crate::numeric::{nearest_to_lines, upper_median};
 
 /// Radius of the ball: with the usual field of view of 50 to 60 degrees, an object that fills the picture has a radius
 /// of about half the distance.
@@ -43,7 +43,7 @@ pub(super) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) ->
     let world_from_camera: Vec<_> = cameras.iter().map(Isometry3::inverse).collect();
     let centers: Vec<Point3<f64>> = world_from_camera.iter().map(|pose| pose.translation.vector.into()).collect();
     let axes: Vec<Vector3<f64>> = world_from_camera.iter().map(|pose| pose.rotation * Vector3::z()).collect();
-    let focus = nearest_to_axes(&centers, &axes).filter(|focus| is_before_most(focus, &centers, &axes))?;
+    let focus = nearest_to_lines(&centers, &axes).filter(|focus| is_before_most(focus, &centers, &axes))?;
     let unit =
         upper_median(centers.iter().map(|center| (center - focus).norm()).collect()).filter(|unit| *unit > 0.0)?;
     let in_ball = |i: &usize| {
@@ -66,20 +66,6 @@ pub(super) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) ->
         kept[ball[index]] = true;
     }
     Some(kept)
-}
-
-/// The point with the least sum of squared distances from all lines (through `centers` along `axes`); `None` if the
-/// lines are parallel.
-fn nearest_to_axes(centers: &[Point3<f64>], axes: &[Vector3<f64>]) -> Option<Point3<f64>> {
-    let mut sum = Matrix3::zeros();
-    let mut weighted = Vector3::zeros();
-    for (center, axis) in centers.iter().zip(axes) {
-        let across = Matrix3::identity() - axis * axis.transpose();
-        sum += across;
-        weighted += across * center.coords;
-    }
-    let least = sum.symmetric_eigenvalues().min();
-    (least > 1e-3 * centers.len() as f64).then(|| sum.try_inverse().map(|inverse| (inverse * weighted).into()))?
 }
 
 /// Whether more than half of the cameras look towards a point. The axes of cameras that look outwards, from the middle of a

@@ -7,6 +7,7 @@ pub mod ksplat;
 mod loaded;
 pub mod ply;
 mod quantized;
+mod quaternion_order;
 pub mod sog;
 pub mod spz;
 
@@ -16,6 +17,7 @@ use super::SceneError;
 use super::error::SplatProblem;
 use crate::files;
 pub use loaded::Loaded;
+pub use quaternion_order::QuaternionOrder;
 
 /// A format that splats are stored in.
 pub struct SplatFormat {
@@ -28,11 +30,14 @@ pub struct SplatFormat {
     is_splat: fn(&Path) -> bool,
 }
 
+/// The ending of plain PLY files.
+const PLY: &str = ".ply";
+
 /// Every format that gprop reads. If several endings match a name, the first counts.
 pub const SPLAT_FORMATS: &[SplatFormat] = &[
     // 16 bytes per Gaussian.
     SplatFormat { ending: ".compressed.ply", inflation: 16, read: read_ply, is_splat: is_splat_ply },
-    SplatFormat { ending: ".ply", inflation: 1, read: read_ply, is_splat: is_splat_ply },
+    SplatFormat { ending: PLY, inflation: 1, read: read_ply, is_splat: is_splat_ply },
     // About 20 bytes per Gaussian.
     SplatFormat {
         ending: ".spz",
@@ -73,10 +78,18 @@ impl SplatFormat {
     }
 }
 
-/// Reads a splat in the format determined by its name and first bytes.
-pub(super) fn read(path: &Path) -> Result<Loaded, SceneError> {
+/// Reads a splat in the format determined by its name and first bytes. Only a PLY's quaternions may have another `order`: every
+/// other format defines its own.
+pub(super) fn read(path: &Path, order: QuaternionOrder) -> Result<Loaded, SceneError> {
     match SplatFormat::of(path) {
-        Some(format) => (format.read)(path),
+        Some(format) if order == QuaternionOrder::default() => (format.read)(path),
+        Some(format) if format.ending == PLY => {
+            let mut loaded = (format.read)(path)?;
+            order.apply(&mut loaded.gaussians);
+            loaded.notes.push(format!("its quaternions are read in the order {order}"));
+            Ok(loaded)
+        }
+        Some(_) => Err(SceneError::Splat { path: path.to_owned(), problem: SplatProblem::QuaternionOrder }),
         None => {
             let endings: Vec<_> = SPLAT_FORMATS.iter().map(|format| format.ending).collect();
             let problem = SplatProblem::Format { endings: endings.join(", ") };

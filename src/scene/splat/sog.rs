@@ -154,13 +154,12 @@ pub fn is_meta(path: &Path) -> bool {
 
 fn read(mut source: Source) -> Result<Loaded, Problem> {
     let bytes = source.file(META)?;
-    let wrong = |error: serde_json::Error| Problem::Meta(error.to_string());
-    let value: serde_json::Value = serde_json::from_slice(&bytes).map_err(wrong)?;
+    let value: serde_json::Value = files::json::parse(&bytes).map_err(|problem| Problem::Meta(problem.to_string()))?;
     match value.get("version").map(|version| version.as_u64().unwrap_or(0)) {
         Some(2) => {}
         version => return Err(Problem::Version { version: version.unwrap_or(1) }),
     }
-    let meta: Meta = serde_json::from_value(value).map_err(wrong)?;
+    let meta: Meta = serde_json::from_value(value).map_err(|error| Problem::Meta(error.to_string()))?;
     let count = meta.count;
     if count == 0 {
         return Err(Problem::Empty);

@@ -1,9 +1,13 @@
-//! `cameras.bin` and `images.bin`: little endian, a 64-bit count, then the entries without padding.
+//! `cameras.bin`, `images.bin` and `points3D.bin`: little endian, a 64-bit count, then the entries without padding.
+
+use nalgebra::Point3;
 
 use super::{Cameras, Image, Problem, models};
 
 /// Bytes of one observed point of an image: x, y, and the number of the 3D point.
 const OBSERVATION: u64 = 24;
+/// Bytes of one picture that shows a point: the image, and the number of the observation in it.
+const TRACK: u64 = 8;
 
 pub(super) fn cameras(bytes: &[u8]) -> Result<Cameras, Problem> {
     let mut reader = Reader::new(bytes, "camera")?;
@@ -37,6 +41,22 @@ pub(super) fn images(bytes: &[u8]) -> Result<Vec<Image>, Problem> {
         reader.index += 1;
     }
     Ok(images)
+}
+
+pub(super) fn points(bytes: &[u8]) -> Result<Vec<Point3<f64>>, Problem> {
+    let mut reader = Reader::new(bytes, "point")?;
+    let mut points = Vec::new();
+    while reader.index < reader.count {
+        reader.take::<8>()?;
+        points.push(Point3::new(reader.float()?, reader.float()?, reader.float()?));
+        // Colour and error.
+        reader.take::<3>()?;
+        reader.float()?;
+        let track = u64::from_le_bytes(reader.take()?);
+        reader.skip(track.checked_mul(TRACK))?;
+        reader.index += 1;
+    }
+    Ok(points)
 }
 
 /// Reads values one after the other and keeps track of the entry it is in.

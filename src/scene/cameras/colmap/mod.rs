@@ -1,4 +1,5 @@
-//! COLMAP's sparse model: `cameras` and `images`, each as `.bin` or `.txt`. Points are not read.
+//! COLMAP's sparse model: `cameras` and `images`, each as `.bin` or `.txt`. The 3D points are read only if the frame of the
+//! splat has to be computed from them.
 //!
 //! An image's pose is world-to-camera in OpenCV axes, a quaternion w x y z and a translation; pixel coordinates start
 //! at the upper left corner, and the centre of the first pixel is at (0.5, 0.5). See COLMAP's documentation, "Output
@@ -12,7 +13,7 @@ mod text;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
+use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 
 use super::frame::{Declared, Frame};
 use super::{Applied, Capture, bytes_of, text_of};
@@ -75,6 +76,38 @@ pub fn parse_cameras_text(text: &str) -> Result<Cameras, Problem> {
 /// [`Problem`] if a line is not an image.
 pub fn parse_images_text(text: &str) -> Result<Vec<Image>, Problem> {
     text::images(text)
+}
+
+/// Reads `points3D.bin` from memory: the points' places.
+///
+/// # Errors
+/// [`Problem`] if the data are truncated.
+pub fn parse_points_binary(bytes: &[u8]) -> Result<Vec<Point3<f64>>, Problem> {
+    binary::points(bytes)
+}
+
+/// Reads `points3D.txt` from memory: the points' places.
+///
+/// # Errors
+/// [`Problem`] if a line is not a point.
+pub fn parse_points_text(text: &str) -> Result<Vec<Point3<f64>>, Problem> {
+    text::points(text)
+}
+
+/// The file with the 3D points of the model in `folder`, if there is one.
+pub(super) fn points_file(folder: &Path) -> Option<PathBuf> {
+    ["points3D.bin", "points3D.txt"].map(|name| folder.join(name)).into_iter().find(|path| files::is_there(path))
+}
+
+/// The finite 3D points in the file at `path`.
+pub(in crate::scene) fn read_points(path: &Path) -> Result<Vec<Point3<f64>>, SceneError> {
+    let points = match path.extension().is_some_and(|end| end == "bin") {
+        true => parse_points_binary(&bytes_of(path)?),
+        false => parse_points_text(&String::from_utf8_lossy(&text_of(path)?)),
+    };
+    let mut points = points.map_err(|problem| SceneError::Colmap { path: path.to_owned(), problem })?;
+    points.retain(|point| point.iter().all(|value| value.is_finite()));
+    Ok(points)
 }
 
 /// True if `folder` holds a model.

@@ -1,7 +1,9 @@
-//! `cameras.txt` (one line per camera) and `images.txt` (two lines per image, the second of which lists its points and
-//! may be empty). Lines that start with `#` are comments.
+//! `cameras.txt` (one line per camera), `images.txt` (two lines per image, the second of which lists its points and may be
+//! empty) and `points3D.txt` (one line per point). Lines that start with `#` are comments.
 
 use std::str::FromStr;
+
+use nalgebra::Point3;
 
 use super::{Cameras, Image, Problem, models};
 
@@ -41,6 +43,16 @@ pub(super) fn images(text: &str) -> Result<Vec<Image>, Problem> {
         lines.next();
     }
     Ok(images)
+}
+
+pub(super) fn points(text: &str) -> Result<Vec<Point3<f64>>, Problem> {
+    let mut points = Vec::new();
+    for (line, text) in numbered(text).filter(|(_, text)| !is_remark(text) && !text.is_empty()) {
+        let mut words = Words { words: text.split_ascii_whitespace(), line };
+        words.word("POINT3D_ID")?;
+        points.push(Point3::new(words.number("X")?, words.number("Y")?, words.number("Z")?));
+    }
+    Ok(points)
 }
 
 fn numbered(text: &str) -> impl Iterator<Item = (usize, &str)> {

@@ -7,9 +7,11 @@
 //! 3. `binary` or `ascii`: reads the body directly into the structure of arrays, after the count in the header has been
 //!    checked against the bytes in the file. Memory is bounded by the file's actual size, whatever the header claims.
 //!    `compressed` reads packed bodies.
-//! 4. `kinds`: converts the Gaussians of 2DGS and Mip-Splatting into plain ones.
-//! 5. Gaussians with values that no renderer could draw are dropped and counted.
+//! 4. `activated`: refuses values that were not written as logarithms and logits.
+//! 5. `kinds`: converts the Gaussians of 2DGS and Mip-Splatting into plain ones.
+//! 6. Gaussians with values that no renderer could draw are dropped and counted.
 
+mod activated;
 mod ascii;
 mod binary;
 mod compressed;
@@ -100,6 +102,11 @@ pub enum Problem {
     TruncatedText { count: u64, found: u64 },
     #[error("line {line}, Gaussian {index}: {reason}; export the splat again")]
     Row { line: u64, index: u64, reason: RowProblem },
+    #[error(
+        "its values look activated: {which}, but a splat PLY holds logarithms of scales and logits of opacities; write \
+         ln(scale) and ln(opacity / (1 - opacity)) and export the splat again"
+    )]
+    Activated { which: &'static str },
     #[error("none of the {count} Gaussians has finite values: training diverged; train again")]
     NothingFinite { count: usize },
 }
@@ -147,6 +154,9 @@ fn read_bytes(bytes: &impl Bytes) -> Result<Loaded, Problem> {
         Encoding::BinaryLittleEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Little)?,
         Encoding::BinaryBigEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Big)?,
     };
+    if let Some(which) = activated::activated(&body.gaussians, layout.flat) {
+        return Err(Problem::Activated { which });
+    }
     let notes = kinds::recognise(&mut body, layout.flat, &header.comments);
     finished(body, Loaded { notes, warnings: layout.warnings, ..Loaded::default() })
 }
