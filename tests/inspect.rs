@@ -18,6 +18,7 @@ use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Similarity3, UnitQuaternion,
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use crate::run::gprop;
 use crate::support::shared;
 
 fn fixture() -> &'static Path {
@@ -465,4 +466,29 @@ fn a_splat_without_photos_can_be_inspected() {
     let found = inspected(folder.path(), &Options::default());
     assert_eq!((found.aligned, found.gaussians, found.views.len()), (None, 28_736, 0));
     assert!(to_text(&found).contains("--render-views"));
+}
+
+#[test]
+fn what_does_not_line_up_ends_inspect_with_exit_code_3_and_is_in_the_summary_of_a_run() {
+    let folder = with_flipped_cameras();
+    let output = |command: &str, arguments: &[&str]| {
+        let output = gprop().arg(command).arg(folder.path()).args(arguments).output().unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        (output.status.code(), text(&output.stdout), text(&output.stderr))
+    };
+    let (code, text, error) = output("inspect", &[]);
+    assert_eq!(code, Some(3), "{error}");
+    assert!(text.contains("NOT ALIGNED") && text.contains("--align camera-yz"), "{text}");
+    assert!(error.contains("error: photos and splat do not line up; add --align camera-yz"), "{error}");
+    let (code, json, _) = output("inspect", &["--json"]);
+    assert_eq!((code, serde_json::from_str::<Value>(&json).unwrap()["aligned"].as_bool()), (Some(3), Some(false)));
+    assert_eq!(output("inspect", &["--align", "camera-yz"]).0, Some(0));
+
+    let (code, summary, error) = output("run", &["--to", "scene"]);
+    assert_eq!(code, Some(0), "{error}");
+    assert!(summary.contains("NOT ALIGNED  the object's outlines"), "{summary}");
+    // The same from a stored result.
+    assert!(output("run", &["--to", "scene"]).1.contains("NOT ALIGNED"));
+    let (_, summary, _) = output("run", &["--to", "scene", "--align", "camera-yz"]);
+    assert!(!summary.contains("NOT ALIGNED"), "{summary}");
 }

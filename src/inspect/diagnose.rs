@@ -44,6 +44,8 @@ const LEAST_GAIN_DB: f64 = 1.0;
 /// Number of views rendered for each candidate, and number of candidates rendered for all views.
 const FIRST_VIEWS: usize = 3;
 const FINALISTS: usize = 6;
+/// About how many Gaussians are rendered for each candidate.
+const FIRST_GAUSSIANS: usize = 5_000;
 /// Maximum number of Gaussians rendered in the search: those that cover most of the picture.
 const MOST_GAUSSIANS: usize = 40_000;
 /// Share of the object that each view must have in its picture for a candidate to be rendered.
@@ -132,6 +134,7 @@ impl Trial<'_> {
     /// The best of the usual conversions.
     fn usual(&self) -> Result<Option<Suggestion>, SceneError> {
         let search = Search {
+            coarse: similarity::thinned(&self.scene.whole_cloud(), FIRST_GAUSSIANS),
             cloud: reduced(&self.scene.whole_cloud()),
             samples: samples(&self.scene.gaussians),
             views: small_views(self.scene, &self.views, SIDE, MOST_VIEWS)?,
@@ -158,6 +161,9 @@ fn median_psnr<'a>(fits: impl Iterator<Item = &'a ViewFit>) -> f64 {
 }
 
 struct Search<'a> {
+    /// The splat as it is drawn for every candidate.
+    coarse: Gaussians,
+    /// As it is drawn for the best.
     cloud: Gaussians,
     /// Centres of some of the object's Gaussians.
     samples: Vec<Point3<f64>>,
@@ -171,17 +177,18 @@ impl Search<'_> {
     fn best(&self, candidates: &[Conversion]) -> (Conversion, f64) {
         let possible = candidates.iter().filter(|conversion| self.shows_object(conversion));
         let first = &self.views[..self.views.len().min(FIRST_VIEWS)];
-        let mut ranked: Vec<(Conversion, f64)> = possible.map(|c| (*c, self.correlation(c, first))).collect();
+        let mut ranked: Vec<(Conversion, f64)> =
+            possible.map(|c| (*c, self.correlation(c, &self.coarse, first))).collect();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         ranked.truncate(FINALISTS);
-        let finals = ranked.into_iter().map(|(c, _)| (c, self.correlation(&c, &self.views)));
+        let finals = ranked.into_iter().map(|(c, _)| (c, self.correlation(&c, &self.cloud, &self.views)));
         // Ties go to the first, since simpler conversions come first in the lists.
         finals.fold((Conversion::default(), f64::NEG_INFINITY), |best, next| if next.1 > best.1 { next } else { best })
     }
 
-    fn correlation(&self, conversion: &Conversion, views: &[Small]) -> f64 {
+    fn correlation(&self, conversion: &Conversion, cloud: &Gaussians, views: &[Small]) -> f64 {
         let of_view = |view: &Small| {
-            correlation(&view.picture, &picture(&self.cloud, &converted(&view.camera, conversion), &self.options))
+            correlation(&view.picture, &picture(cloud, &converted(&view.camera, conversion), &self.options))
         };
         upper_median(views.iter().map(of_view).collect()).unwrap_or_default()
     }
@@ -209,7 +216,8 @@ impl Search<'_> {
             let (left, right) = (high - golden * (high - low), low + golden * (high - low));
             let at = |log: f64| Conversion { scale: rounded(log.exp()), ..best.0 };
             let (a, b) = (at(left), at(right));
-            let (of_a, of_b) = (self.correlation(&a, &self.views), self.correlation(&b, &self.views));
+            let (of_a, of_b) =
+                (self.correlation(&a, &self.cloud, &self.views), self.correlation(&b, &self.cloud, &self.views));
             if of_a.max(of_b) > best.1 {
                 *best = if of_a > of_b { (a, of_a) } else { (b, of_b) };
             }

@@ -7,7 +7,7 @@ use image::imageops::{FilterType, resize};
 use rayon::prelude::*;
 
 use super::compare::{covered, overlap};
-use super::verdict;
+use super::verdict::{self, LEAST_CORRELATION};
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
@@ -22,7 +22,7 @@ const SIDE: u32 = 192;
 const LEAST_IOU: f64 = 0.5;
 
 /// A warning if the photos show another object than the splat, or the same one from other sides. Photos with a mask or
-/// alpha are judged by the object's outline, others by their correlation with the splat.
+/// alpha are judged by the object's outline first, and all by their correlation with the splat.
 ///
 /// # Errors
 /// If a photo or a mask cannot be read.
@@ -35,10 +35,12 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
         Some(iou) if iou < LEAST_IOU => {
             format!("the object's outlines in the photos and in the splat overlap by only {:.0} % (IoU)", 100.0 * iou)
         }
-        Some(_) => return Ok(None),
-        None => match verdict::of(scene, &few, &[])? {
-            Some(verdict) if !verdict.aligned => {
+        _ => match verdict::of(scene, &few, &[])? {
+            Some(verdict) if verdict.correlation < LEAST_CORRELATION => {
                 format!("photos and splat differ: their correlation is only {:.2}", verdict.correlation)
+            }
+            Some(verdict) if !verdict.aligned => {
+                "the photos fit the splat no better from their own cameras than from those of other views".to_owned()
             }
             _ => return Ok(None),
         },

@@ -17,7 +17,7 @@ pub(super) const SIDE: u32 = 96;
 
 /// Minimum correlation of a photo with the splat seen from its own camera for the two to line up. Trained splats reach
 /// 0.95 and more on their photos; the frames broken on purpose in `tests/inspect.rs` stay below 0.75.
-const LEAST_CORRELATION: f64 = 0.85;
+pub(super) const LEAST_CORRELATION: f64 = 0.85;
 
 /// Minimum difference by which a photo must fit its own camera better than that of a view on the other side, but no more
 /// than half of what a perfect photo has: one minus the correlation of the splat's pictures from the two sides, next to
@@ -119,9 +119,10 @@ fn on_white(photo: &RgbImage) -> Option<GrayImage> {
     let (width, height) = photo.dimensions();
     let is_white = |pixel: &Rgb<u8>| pixel.0.iter().all(|channel| *channel >= WHITE);
     let at_border = |x: u32, y: u32| x == 0 || y == 0 || x + 1 == width || y + 1 == height;
-    let border = photo.enumerate_pixels().filter(|(x, y, _)| at_border(*x, *y));
-    let (white, all) = border.fold((0, 0), |(white, all), (_, _, pixel)| (white + u64::from(is_white(pixel)), all + 1));
-    (white as f64 >= NEARLY_ALL * all as f64).then(|| {
+    let border: Vec<bool> =
+        photo.enumerate_pixels().filter(|(x, y, _)| at_border(*x, *y)).map(|(_, _, pixel)| is_white(pixel)).collect();
+    let white = border.iter().filter(|white| **white).count();
+    (white as f64 >= NEARLY_ALL * border.len() as f64).then(|| {
         GrayImage::from_fn(width, height, |x, y| Luma([if is_white(photo.get_pixel(x, y)) { 0 } else { 255 }]))
     })
 }

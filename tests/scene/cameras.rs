@@ -586,6 +586,7 @@ fn a_byte_order_mark_is_no_part_of_a_camera_file() {
 fn every_json_file_of_a_scene_says_what_is_not_json() {
     let utf16 = |text: &str| -> Vec<u8> { text.encode_utf16().flat_map(u16::to_le_bytes).collect() };
     let made_up = MadeUp::new();
+    made_up.load().unwrap();
     std::fs::copy(made_up.path("transforms.json"), made_up.path("cameras.json")).unwrap();
     let dataparser = made_up.path("dataparser_transforms.json");
     std::fs::write(&dataparser, utf16("{\"scale\": 1.0}")).unwrap();

@@ -45,10 +45,10 @@ struct Round {
 
 /// The first round also ranks all rotations.
 const ROUNDS: [Round; 4] = [
-    Round { side: 32, views: 4, gaussians: 2_000, candidates: 16, steps: 8 },
-    Round { side: 64, views: 6, gaussians: 5_000, candidates: 5, steps: 8 },
-    Round { side: 128, views: 8, gaussians: 15_000, candidates: 2, steps: 6 },
-    Round { side: 320, views: 8, gaussians: 60_000, candidates: 1, steps: 6 },
+    Round { side: 32, views: 3, gaussians: 2_000, candidates: 12, steps: 5 },
+    Round { side: 64, views: 4, gaussians: 4_000, candidates: 4, steps: 6 },
+    Round { side: 128, views: 6, gaussians: 15_000, candidates: 2, steps: 4 },
+    Round { side: 256, views: 6, gaussians: 60_000, candidates: 1, steps: 4 },
 ];
 
 /// Number of rotations whose shift and scale are corrected.
@@ -62,16 +62,20 @@ struct Candidate {
     correlation: f64,
 }
 
-/// The best similarity from each way to find the extents, best way first; the cameras of `views` are as in their file.
-pub(super) fn search(scene: &Scene, views: &[View]) -> Result<Vec<Similarity3<f64>>, SceneError> {
-    if views.len() < LEAST_VIEWS {
-        return Ok(Vec::new());
-    }
+/// The best similarity from each way to find the extents, the surest way first, each sought as it is asked for. The cameras of
+/// `views` are as in their file.
+pub(super) fn search(
+    scene: &Scene,
+    views: &[View],
+) -> Result<impl Iterator<Item = Similarity3<f64>> + use<>, SceneError> {
     let cloud = scene.whole_cloud();
     let rounds: Vec<Pictures> =
         ROUNDS.iter().map(|round| Pictures::new(&cloud, scene, views, round)).collect::<Result<_, _>>()?;
-    let pairs = extent::pairs(scene, &cloud, &rounds[0].views)?;
-    Ok(pairs.iter().filter_map(|pair| best(&rounds, pair)).collect())
+    let mut pairs = extent::pairs(scene, &cloud, &rounds[0].views)?;
+    if views.len() < LEAST_VIEWS {
+        pairs.clear();
+    }
+    Ok(pairs.into_iter().filter_map(move |pair| best(&rounds, &pair)))
 }
 
 /// The best similarity if the two extents of `pair` are about the same thing.
@@ -169,7 +173,7 @@ fn scaling_about(center: Point3<f64>, factor: f64) -> Similarity3<f64> {
 }
 
 /// At most about `most` of the Gaussians, evenly from the whole file, enlarged so that they still cover what all of them do.
-fn thinned(cloud: &Gaussians, most: usize) -> Gaussians {
+pub(super) fn thinned(cloud: &Gaussians, most: usize) -> Gaussians {
     let step = cloud.len().div_ceil(most).max(1);
     let mut thinned = cloud.clone();
     if step > 1 {

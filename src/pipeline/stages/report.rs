@@ -20,7 +20,7 @@ use crate::workdir::{Artifact, hexadecimal};
 
 use super::asked::AskedAbout;
 use super::grasp::{self, Grasped};
-use super::scene::file_digest;
+use super::scene::{self, file_digest};
 use super::vote::ShowsMost;
 use super::{Done, Job, OpenScene, Row, Stage, StageRecord, never, parts, simulate};
 use crate::pipeline::options::known_flags;

@@ -23,7 +23,7 @@ pub(super) fn activated(gaussians: &Gaussians, flat: bool) -> Option<&'static st
     let are_shares = gaussians.opacity_logits.iter().all(within);
     match (are_positive, are_shares) {
         (true, true) => Some("all scales are positive and all opacities lie within 0 and 1"),
-        (true, false) if are_as_large_as_the_cloud(gaussians) => Some(
+        (true, false) if are_lengths(gaussians) => Some(
             "all scales are positive; as logarithms they would make every Gaussian about as large as the whole cloud",
         ),
         (false, true) if span(&gaussians.opacity_logits) > LEAST_SPAN => Some("all opacities lie within 0 and 1"),
@@ -31,17 +31,19 @@ pub(super) fn activated(gaussians: &Gaussians, flat: bool) -> Option<&'static st
     }
 }
 
-/// Whether one standard deviation, its logarithm as read, is more than a quarter of the box around the middle half of the
-/// centres, for at least half of the Gaussians.
-fn are_as_large_as_the_cloud(gaussians: &Gaussians) -> bool {
+/// Whether at least half of the Gaussians are large for the cloud if their scales are logarithms, and small if they are
+/// lengths: more and less than a quarter of the diagonal of the box around the middle half of the centres.
+fn are_lengths(gaussians: &Gaussians) -> bool {
     let middle_half = |axis: usize| {
         let mut sides: Vec<f32> = gaussians.positions.iter().map(|position| position[axis]).collect();
         sides.sort_by(f32::total_cmp);
         f64::from(sides[sides.len() * 3 / 4] - sides[sides.len() / 4])
     };
-    let diagonal = (0..3).map(middle_half).map(|side| side * side).sum::<f64>().sqrt();
-    let large = (0..gaussians.len()).filter(|i| gaussians.scale(*i).max() > 0.25 * diagonal).count();
-    2 * large >= gaussians.len()
+    let quarter = 0.25 * (0..3).map(middle_half).map(|side| side * side).sum::<f64>().sqrt();
+    let longest = |i: usize| gaussians.log_scales[i].into_iter().fold(0.0, f32::max);
+    let are_most =
+        |holds: &dyn Fn(usize) -> bool| 2 * (0..gaussians.len()).filter(|i| holds(*i)).count() >= gaussians.len();
+    are_most(&|i| gaussians.scale(i).max() > quarter) && are_most(&|i| f64::from(longest(i)) < quarter)
 }
 
 fn span(values: &[f32]) -> f32 {
