@@ -28,8 +28,9 @@ use extent::Extent;
 /// With fewer views, a scale cannot be told from a distance.
 const LEAST_VIEWS: usize = 3;
 
-/// Neighbours among these are about 25 degrees apart; a refinement on small pictures finds the right rotation from there.
-const ROTATIONS: usize = 720;
+/// Neighbours among these are about 20 degrees apart; in pictures so small that everything is blurred, a refinement finds the
+/// right rotation from there.
+const ROTATIONS: usize = 1500;
 
 /// A round of the search: the size of its pictures, and what remains after it.
 struct Round {
@@ -44,15 +45,16 @@ struct Round {
 }
 
 /// The first round also ranks all rotations.
-const ROUNDS: [Round; 4] = [
-    Round { side: 32, views: 3, gaussians: 2_000, candidates: 12, steps: 5 },
-    Round { side: 64, views: 4, gaussians: 4_000, candidates: 4, steps: 6 },
-    Round { side: 128, views: 6, gaussians: 15_000, candidates: 2, steps: 4 },
-    Round { side: 256, views: 6, gaussians: 60_000, candidates: 1, steps: 4 },
+const ROUNDS: [Round; 5] = [
+    Round { side: 16, views: 4, gaussians: 1_000, candidates: 64, steps: 6 },
+    Round { side: 32, views: 4, gaussians: 2_000, candidates: 16, steps: 6 },
+    Round { side: 64, views: 4, gaussians: 4_000, candidates: 5, steps: 6 },
+    Round { side: 128, views: 6, gaussians: 15_000, candidates: 2, steps: 5 },
+    Round { side: 256, views: 6, gaussians: 60_000, candidates: 1, steps: 5 },
 ];
 
 /// Number of rotations whose shift and scale are corrected.
-const CORRECTED: usize = 64;
+const CORRECTED: usize = 256;
 
 /// A similarity from the world of the cameras to the splat's, and how well it fits.
 #[derive(Clone, Copy)]
