@@ -5,6 +5,8 @@
 //! the file's size; Linux, NaN elsewhere); then the same of ply-rs-bw, which reads bodies into a map of properties for each
 //! Gaussian, as `ply_rs_s` and `ply_rs_peak_over_size`.
 
+#![allow(clippy::disallowed_methods, reason = "a benchmark is not gprop")]
+
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;

@@ -3,6 +3,8 @@
 //! A million Gaussians of 62 properties take 248 MB. Each load is measured with the file in the page cache, and so is the plain
 //! read that it is compared with.
 
+#![allow(clippy::disallowed_methods, reason = "a benchmark is not gprop")]
+
 use std::fs::File;
 use std::io::BufWriter;
 

@@ -1,6 +1,8 @@
 //! A falling cube: particle substeps per second and, with `-- million`, the peak memory per particle, including the grid and
 //! sorting. `cargo bench --bench simulate`; `simulate_peers.py` compares it with other solvers.
 
+#![allow(clippy::disallowed_methods, reason = "a benchmark is not gprop")]
+
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use gprop::mpm::boundary::{Boundary, Contact};
 use gprop::mpm::laws::Law;

@@ -4,6 +4,8 @@
 //! timings, one vote by each rule prints its seconds, also as a multiple of those of a pass that only reads and blends, and
 //! its memory beyond the cloud.
 
+#![allow(clippy::disallowed_methods, reason = "a benchmark is not gprop")]
+
 use std::time::Instant;
 
 use criterion::{Criterion, criterion_group, criterion_main};

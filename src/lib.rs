@@ -59,8 +59,13 @@
 //!
 //! The method follows *GaussianProperty: Integrating Physical Properties to 3D Gaussians with LMMs* (Xu et al., 2024).
 
+// What gprop writes goes through `files::write`; its tests write as they like.
+#![cfg_attr(test, allow(clippy::disallowed_methods))]
 // A module's docs list its parts in order for readers of the source, including private ones.
 #![allow(rustdoc::private_intra_doc_links)]
+
+#[cfg(not(unix))]
+compile_error!("gprop runs on Linux and macOS");
 
 pub mod batch;
 pub mod camera;

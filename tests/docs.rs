@@ -157,7 +157,6 @@ fn place() -> TempDir {
     )
     .unwrap();
     // Trajectories of a peer, which only a development checkout has.
-    #[cfg(unix)]
     if let Some(folder) = shared_if_there("reference") {
         std::os::unix::fs::symlink(folder, at("reference")).unwrap();
     }
@@ -178,7 +177,6 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-#[cfg(unix)]
 #[test]
 fn nothing_that_a_command_writes_lands_in_the_checkout() {
     let place = place();
@@ -471,7 +469,6 @@ fn assert_json(command: &str, output: &Output) {
     assert!(parsed.is_ok(), "`{command} --json` prints no JSON: {text}{}", String::from_utf8_lossy(&output.stderr));
 }
 
-#[cfg(unix)]
 #[test]
 fn every_command_in_a_block_runs_and_prints_json_where_asked_to() {
     const TEST: &str = "every_command_in_a_block_runs_and_prints_json_where_asked_to";

@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 use std::path::Path;
 use std::sync::OnceLock;
 
+use gprop::files::write::Folder;
 use gprop::from_splat::{foreground, render_views};
 use gprop::gaussians::Gaussians;
 use gprop::inspect::{Inspection, inspect, misfit, to_text};
@@ -453,7 +454,8 @@ fn a_ball_fits_its_photos_although_it_looks_the_same_from_the_other_side() {
     const VIEWS: NonZeroUsize = NonZeroUsize::new(4).unwrap();
     let options = Options { render_views: Some(VIEWS), ..Options::default() };
     let mut scene = scene::load(folder.path(), &options).unwrap();
-    render_views(&mut scene, VIEWS.get(), &folder.path().join("images"), true).unwrap();
+    let images = Folder::open(&folder.path().join("images")).unwrap();
+    render_views(&mut scene, VIEWS.get(), images.path(), Some(&images)).unwrap();
     // Without alpha, the colours are compared.
     make_opaque(&scene.views);
     assert_eq!(misfit(&scene, &scene.views).unwrap(), None);

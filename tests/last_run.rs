@@ -351,7 +351,6 @@ fn what_a_scenes_work_folder_may_not_say_is_refused_with_the_remedy() {
     assert_eq!(done(&ball.record()), [""; 0]);
 }
 
-#[cfg(unix)]
 #[test]
 fn a_link_is_not_a_record() {
     let (ball, out) = (Ball::after_a_run(), TempDir::new().unwrap());

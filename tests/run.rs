@@ -450,7 +450,6 @@ fn a_simulation_says_how_long_it_may_take() {
     assert!(line.ends_with("none of which deforms, for 0.02 s: at most a minute"), "{line}");
 }
 
-#[cfg(unix)]
 #[test]
 fn the_report_is_opened_by_the_users_program_and_only_if_it_is_there() {
     use std::os::unix::fs::PermissionsExt;
@@ -551,7 +550,6 @@ fn a_quiet_command_prints_nothing_about_a_picture() {
     assert!(out.path().join("segments/003.png").exists());
 }
 
-#[cfg(unix)]
 #[test]
 fn a_link_in_the_place_of_a_default_work_folder_is_refused() {
     let (scene, outside) = (hammer(), TempDir::new().unwrap());

@@ -1,5 +1,7 @@
 //! One binary; a module per concern. A new test goes where its concern lives.
 
+#![allow(clippy::disallowed_methods, reason = "tests write as they like")]
+
 // Fixtures and helpers shared by the modules.
 mod support;
 

@@ -6,6 +6,7 @@
 use std::ffi::OsString;
 use std::fs::File;
 use std::io::{self, Read, Seek, SeekFrom};
+use std::os::unix::process::CommandExt;
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
@@ -56,8 +57,7 @@ impl Running {
             }
             command.args(&task.flags).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(stderr.try_clone()?);
             // In its own process group, so that it can be killed together with the processes that it starts.
-            #[cfg(unix)]
-            std::os::unix::process::CommandExt::process_group(&mut command, 0);
+            command.process_group(0);
             Ok(Self { process: command.spawn()?, stderr, since: Instant::now() })
         };
         start().map_err(BatchError::Start)
@@ -85,7 +85,6 @@ impl Running {
     /// Kills it with all the processes that it started. Finished work stays, and the scene continues from there when it
     /// is started again.
     pub fn kill(&mut self, peak_memory_bytes: u64) -> Result<Ended, BatchError> {
-        #[cfg(unix)]
         kill_group(rustix::process::Pid::from_child(&self.process));
         let killed = self.process.kill().and_then(|()| self.process.wait()).map_err(BatchError::Process)?;
         Ok(self.left(killed, peak_memory_bytes))
@@ -108,7 +107,6 @@ impl Running {
 pub fn end_with_the_batch() {
     std::thread::spawn(|| {
         let _ = io::copy(&mut io::stdin(), &mut io::sink());
-        #[cfg(unix)]
         if rustix::process::getpgrp() == rustix::process::getpid() {
             kill_group(rustix::process::getpid());
         }
@@ -117,7 +115,6 @@ pub fn end_with_the_batch() {
 }
 
 /// Kills a process and those that it started, which form its group. A process that has already ended is not an error.
-#[cfg(unix)]
 fn kill_group(leader: rustix::process::Pid) {
     let _ = rustix::process::kill_process_group(leader, rustix::process::Signal::KILL);
 }

@@ -10,9 +10,12 @@ use std::fs::{self, File};
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
+use rustix::fs::OFlags;
+
 use crate::files;
+use crate::files::write::{self, Folder, TEMPORARY};
+use crate::workdir;
 use crate::workdir::lock::{self, Holder};
-use crate::workdir::{self, TEMPORARY};
 
 use super::select::Selected;
 use super::{BatchError, Outcome, Shard, State};
@@ -35,7 +38,7 @@ impl Ledger {
     pub fn open(folder: &Path, shard: Shard) -> Result<Self, BatchError> {
         let path = folder.join(shard.file_name());
         let io_error = |source| BatchError::Io { path: path.clone(), source };
-        fs::create_dir_all(folder).map_err(io_error)?;
+        Folder::open(folder).map_err(io_error)?;
         let lock = folder.join(format!(".{}.lock", shard.file_name()));
         let locked =
             || BatchError::Locked { shard: shard.to_string(), folder: folder.to_owned(), holder: Holder::of(&lock) };
@@ -78,7 +81,7 @@ impl Ledger {
         }
         self.is_compact = false;
         let appended =
-            File::options().append(true).open(&self.path).and_then(|mut file| file.write_all(line.as_bytes()));
+            write::open_in_place(&self.path, OFlags::APPEND).and_then(|mut file| file.write_all(line.as_bytes()));
         match appended {
             // Somebody removed it.
             Err(error) if error.kind() == ErrorKind::NotFound => self.save(),
@@ -92,13 +95,17 @@ impl Ledger {
     }
 
     fn save(&mut self) -> Result<(), BatchError> {
-        let written = workdir::write_atomic_as(&self.path, &temporary_prefix(&self.path), |out| {
+        let write = || {
+            let (folder, name) =
+                (self.path.parent().unwrap_or(Path::new("")), self.path.file_name().unwrap_or_default());
+            let mut draft = Folder::open(folder)?.draft(Path::new(name), &temporary_prefix(&self.path))?;
             self.outcomes.values().try_for_each(|outcome| {
-                serde_json::to_writer(&mut *out, outcome)?;
-                out.write_all(b"\n")
-            })
-        });
-        written.map_err(|source| BatchError::Io { path: self.path.clone(), source })?;
+                serde_json::to_writer(&mut draft, outcome)?;
+                draft.write_all(b"\n")
+            })?;
+            draft.publish()
+        };
+        write().map_err(|source| BatchError::Io { path: self.path.clone(), source })?;
         (self.is_own, self.is_compact) = (true, true);
         Ok(())
     }

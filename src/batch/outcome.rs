@@ -181,7 +181,6 @@ fn error_in(stderr: &str, status: ExitStatus) -> String {
 }
 
 #[cfg(test)]
-#[cfg(unix)]
 mod tests {
     use std::os::unix::process::ExitStatusExt;
 

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use crate::error;
+use crate::files::write;
 use crate::pipeline::query_session::{self, QuerySession};
 use crate::pipeline::stages::asked::AskedAbout;
 use crate::pipeline::stages::query::session;
@@ -250,7 +251,7 @@ impl<'a> Questions<'a> {
 
     fn save(&self, submitted: &Submitted) -> Result<()> {
         let path = self.path();
-        let written = workdir::write_atomic(&path, |out| Ok(serde_json::to_writer(out, submitted)?));
+        let written = write::file(&path, |out| Ok(serde_json::to_writer(out, submitted)?));
         Ok(written.map_err(|source| BatchError::Io { path, source })?)
     }
 }

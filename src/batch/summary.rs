@@ -7,9 +7,9 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::files::write;
 use crate::report::ESTIMATED;
 use crate::words::output::{counted, one_line};
-use crate::workdir;
 
 use super::select::Selected;
 use super::{BatchError, Outcome, State};
@@ -130,7 +130,7 @@ impl Summary {
 }
 
 fn write_json(path: PathBuf, value: &impl Serialize) -> Result<(), BatchError> {
-    let written = workdir::write_atomic(&path, |out| {
+    let written = write::file(&path, |out| {
         serde_json::to_writer_pretty(&mut *out, value)?;
         out.write_all(b"\n")
     });

@@ -1,8 +1,10 @@
 //! Shell completions and manual pages, generated from the definitions of the flags.
 
+use std::io;
 use std::path::Path;
 
 use crate::error::UsageError;
+use crate::files::write::Folder;
 
 use super::{Global, command, print, print_path};
 
@@ -23,9 +25,20 @@ pub fn page(global: &Global) -> anyhow::Result<()> {
 /// `gprop man --out DIR`: one page per command.
 pub fn pages(global: &Global, folder: &Path) -> anyhow::Result<()> {
     let cannot = |error| UsageError(format!("cannot write manual pages into {folder:?}: {error}"));
-    std::fs::create_dir_all(folder).map_err(cannot)?;
-    clap_mangen::generate_to(command(), folder).map_err(cannot)?;
+    let write_to = Folder::open(folder).map_err(cannot)?;
+    let mut command = command().disable_help_subcommand(true);
+    command.build();
+    write_pages(&command, &write_to).map_err(cannot)?;
     print_path(global, folder)
+}
+
+/// Writes the pages of a command and of those below it.
+fn write_pages(command: &clap::Command, folder: &Folder) -> io::Result<()> {
+    for below in command.get_subcommands().filter(|below| !below.is_hide_set()) {
+        write_pages(below, folder)?;
+    }
+    let page = clap_mangen::Man::new(command.clone());
+    folder.write(Path::new(&page.get_filename()), |mut out| page.render(&mut out))
 }
 
 fn print_text(global: &Global, text: Vec<u8>) -> anyhow::Result<()> {

@@ -7,6 +7,7 @@ mod evaluate;
 mod found;
 mod help;
 mod last_run;
+mod log;
 mod manual;
 mod picture;
 mod query;
@@ -23,10 +24,6 @@ use std::process::ExitCode;
 use clap::parser::ValueSource;
 use clap::{Args, CommandFactory, FromArgMatches, ValueEnum};
 use serde::Serialize;
-use tracing::Level;
-use tracing_subscriber::filter::Targets;
-use tracing_subscriber::layer::SubscriberExt;
-use tracing_subscriber::util::SubscriberInitExt;
 
 use crate::error::UsageError;
 use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
@@ -61,7 +58,7 @@ fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
         Err(error) => refuse(error.downcast::<clap::Error>()?),
     };
     let global = &cli.global;
-    start_log(global);
+    log::start(global);
     if let Some(threads) = global.threads {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
         pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
@@ -285,16 +282,6 @@ fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Opti
         Command::Parts(args) => Ok(args.work.options),
         _ => Err(UsageError(format!("{scene:?} is not a scene folder")).into()),
     }
-}
-
-fn start_log(global: &Global) {
-    let filter = match (global.quiet, global.verbose) {
-        (true, _) | (false, 0) => Targets::new().with_default(Level::WARN),
-        (false, 1) => Targets::new().with_target("gprop", Level::INFO),
-        (false, _) => Targets::new().with_target("gprop", Level::DEBUG),
-    };
-    let log = tracing_subscriber::fmt().with_max_level(Level::DEBUG).with_writer(|| output::Log).without_time();
-    log.with_target(global.verbose > 0).finish().with(filter).init();
 }
 
 /// Prints a result: as JSON if requested, else as text. A closed stdout is not an error.

@@ -1,5 +1,7 @@
 //! `gprop query`: answers the questions of a scene or of one picture, exports them, or imports answers.
 
+use std::collections::HashMap;
+use std::collections::hash_map::Entry;
 use std::path::Path;
 
 use serde::Serialize;
@@ -13,6 +15,7 @@ use crate::pipeline::stages::query::session;
 use crate::query::QueryError;
 use crate::query::exchange::{BadLine, Imported};
 use crate::words::output::one_line;
+use crate::words::shell;
 use crate::workdir::Artifact;
 
 use super::arguments::BatchApiStep;
@@ -50,7 +53,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
             let open = pipeline.opened();
             let about = AskedAbout::of(open)?;
             let session = session(open, &about, &open.options.query)?;
-            run(global, &session, &action, &format!("gprop run {}", shown(&args.scene.scene)))
+            run(global, &session, &action, &format!("gprop run {}", shell::path(&args.scene.scene)))
         }
         _ => scene::run(global, &args.scene.scene, &args.scene.work, Stage::Query),
     }
@@ -71,7 +74,7 @@ fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
         return print(global, &DryPicture { queries: Some(preview) }, || text);
     }
     match action(args) {
-        Some(action) => run(global, &session, &action, &format!("gprop query {}", shown(path))),
+        Some(action) => run(global, &session, &action, &format!("gprop query {}", shell::path(path))),
         None => {
             let answers = picture.run()?;
             if global.quiet && !global.json {
@@ -126,6 +129,9 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction, next: &str
     }
 }
 
+/// Most problems of imported lines that a message lists.
+const MOST_PROBLEMS: usize = 20;
+
 fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) -> anyhow::Result<()> {
     let imported = session.import(folder)?;
     let Imported { recorded, unanswered, bad } = &imported;
@@ -144,17 +150,28 @@ fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) ->
         return Ok(());
     }
     // A problem that several answers have is told once.
-    let mut problems: Vec<(&BadLine, usize)> = Vec::new();
+    let mut others: HashMap<&str, usize> = HashMap::new();
+    let mut problems: Vec<&BadLine> = Vec::new();
     for line in bad {
-        match problems.iter_mut().find(|(first, _)| first.problem == line.problem) {
-            Some((_, others)) => *others += 1,
-            None => problems.push((line, 0)),
+        match others.entry(&line.problem) {
+            Entry::Occupied(mut others) => *others.get_mut() += 1,
+            Entry::Vacant(first) => {
+                first.insert(0);
+                problems.push(line);
+            }
         }
     }
-    let line = |(first, others): &(&BadLine, usize)| {
-        let others = if *others > 0 { format!(" (and {})", counted(*others, "other line")) } else { String::new() };
+    let line = |first: &&BadLine| {
+        let others = match others[first.problem.as_str()] {
+            0 => String::new(),
+            others => format!(" (and {})", counted(others, "other line")),
+        };
         format!("{}{others}", one_line(&first.to_string()))
     };
-    let lines = problems.iter().map(line).collect::<Vec<_>>().join("\n");
+    let mut lines: Vec<String> = problems.iter().take(MOST_PROBLEMS).map(line).collect();
+    if problems.len() > MOST_PROBLEMS {
+        lines.push(format!("and {} in other lines", counted(problems.len() - MOST_PROBLEMS, "other problem")));
+    }
+    let lines = lines.join("\n");
     Err(QueryError::Import { folder: folder.to_owned(), count: bad.len(), recorded: *recorded, lines }.into())
 }

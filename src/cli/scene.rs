@@ -8,11 +8,12 @@ use serde_json::Value;
 use crate::config;
 use crate::consensus::Asked;
 use crate::error::UsageError;
+use crate::files::write;
 use crate::film;
 use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage, export, is_untouched, show, stages};
 use crate::query::Preview;
 use crate::report;
-use crate::workdir::{self, Artifact};
+use crate::workdir::Artifact;
 
 use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_path, print_text, shown};
 
@@ -109,7 +110,7 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
         (What::Vote, _) => show::vote(open, view)?,
         (What::Levels, _) => show::levels(open, view)?,
     };
-    workdir::write_atomic(&args.to, |out| out.write_all(&bytes))
+    write::file(&args.to, |out| out.write_all(&bytes))
         .map_err(|error| UsageError(format!("cannot write {:?}: {error}", args.to)))?;
     print_path(global, &args.to)
 }

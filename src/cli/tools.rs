@@ -4,12 +4,12 @@ use std::path::Path;
 
 use crate::config::in_json;
 use crate::error::UsageError;
+use crate::files::write;
 use crate::grasp::CalibrationReport;
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
 use crate::scene;
 use crate::setup::{self, SetupError};
-use crate::workdir::write_atomic;
 
 use super::{Global, Grasp, Materials, Scale, print, shown};
 
@@ -54,7 +54,7 @@ pub fn scale(global: &Global, what: &Scale) -> anyhow::Result<()> {
 }
 
 fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
-    let written = write_atomic(path, |out| out.write_all(text.as_bytes()));
+    let written = write::file(path, |out| out.write_all(text.as_bytes()));
     Ok(written.map_err(|error| UsageError(format!("cannot write {path:?}: {error}")))?)
 }
 

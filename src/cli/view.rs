@@ -6,6 +6,7 @@ use std::process::{Command, Stdio};
 use crate::batch;
 use crate::error::UsageError;
 use crate::pipeline::{Stage, work_folder};
+use crate::words::shell;
 use crate::workdir::{self, Artifact};
 
 use super::{Global, ReportArgs, ViewArgs, print_path, scene};
@@ -41,9 +42,10 @@ fn page_of(folder: &Path) -> Result<PathBuf, UsageError> {
     let found = places.into_iter().find(|page| page.is_file());
     found.ok_or_else(|| {
         UsageError(format!(
-            "{folder:?} has no report yet; make one with `gprop report {folder:?} --open` (for a data set with \
+            "{folder:?} has no report yet; make one with `gprop report {0} --open` (for a data set with \
              `gprop batch`; after several shards, add --merge), or compare photos and splat without a report with \
-             `gprop inspect {folder:?} --html FILE`"
+             `gprop inspect {0} --html FILE`",
+            shell::path(folder)
         ))
     })
 }

@@ -29,12 +29,12 @@ use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
+use crate::files::write::Folder;
 use crate::gaussians::Gaussians;
 use crate::grasp::candidates::Candidate;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
-use crate::workdir::write_atomic;
 use shape::{Collider, PartMesh, Shape, Skin};
 
 /// A format to write.
@@ -307,11 +307,12 @@ impl Files<'_> {
         name: impl AsRef<Path>,
         fill: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
     ) -> Result<(), ExportError> {
-        let path = self.folder.join(name);
+        let path = self.folder.join(&name);
         if path.canonicalize().is_ok_and(|path| self.inputs.contains(&path)) {
             return Err(ExportError::Input { path });
         }
-        write_atomic(&path, fill).map_err(|source| ExportError::Write { path: path.clone(), source })?;
+        let written = Folder::open(self.folder).and_then(|folder| folder.write(name.as_ref(), fill));
+        written.map_err(|source| ExportError::Write { path: path.clone(), source })?;
         if !self.written.contains(&path) {
             self.written.push(path);
         }

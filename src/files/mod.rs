@@ -8,14 +8,16 @@ pub mod json;
 pub mod npy;
 pub mod npz;
 pub mod read_scope;
+pub mod write;
 
 use std::fs::{self, File, FileType};
 use std::io::{self, BufRead, BufReader, Cursor, ErrorKind, Read, Seek};
+use std::os::unix::fs::FileTypeExt;
 use std::path::Path;
 
 use serde::de::DeserializeOwned;
 
-use crate::words::output::counted;
+use crate::words::output::{counted, thousands};
 
 /// Opens a regular file.
 ///
@@ -44,11 +46,37 @@ pub fn picture_of(bytes: &[u8]) -> PictureSource<'_> {
     Box::new(Cursor::new(bytes))
 }
 
-/// The bytes of a regular file; errors as for [`open`].
+/// The most bytes of a file that is read as a whole: more than any camera file, table, picture or recording has.
+const MOST_BYTES: u64 = 1 << 30;
+/// The most bytes of a splat, a network or an artifact that is read as a whole.
+const MOST_BYTES_OF_LARGE: u64 = 1 << 34;
+
+/// The bytes of a regular file; errors as for [`open`], and if there are more than a GiB.
 pub fn read(path: &Path) -> io::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    open(path)?.read_to_end(&mut bytes)?;
-    Ok(bytes)
+    read_up_to(path, MOST_BYTES)
+}
+
+/// The bytes of a regular file that may be large: a splat, a network, an artifact; errors as for [`open`], and if there are
+/// more than 16 GiB.
+pub fn read_large(path: &Path) -> io::Result<Vec<u8>> {
+    read_up_to(path, MOST_BYTES_OF_LARGE)
+}
+
+fn read_up_to(path: &Path, most: u64) -> io::Result<Vec<u8>> {
+    let file = open(path)?;
+    let too_large = |bytes: u64| {
+        let problem =
+            format!("it has {} bytes, and gprop reads up to {} of such a file", thousands(bytes), thousands(most));
+        io::Error::new(ErrorKind::FileTooLarge, problem)
+    };
+    let size = file.metadata()?.len();
+    if size > most {
+        return Err(too_large(size));
+    }
+    let mut bytes = Vec::with_capacity(size as usize);
+    // It may grow while it is read.
+    let read = file.take(most + 1).read_to_end(&mut bytes)? as u64;
+    if read > most { Err(too_large(read)) } else { Ok(bytes) }
 }
 
 /// Begins the text files of some editors; it is not part of the text.
@@ -56,8 +84,8 @@ pub(crate) const BYTE_ORDER_MARK: &str = "\u{feff}";
 
 /// The text of a regular file, without a byte order mark; errors as for [`open`].
 pub fn read_to_string(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    open(path)?.read_to_string(&mut text)?;
+    let mut text =
+        String::from_utf8(read(path)?).map_err(|_| io::Error::new(ErrorKind::InvalidData, "it is not UTF-8"))?;
     if text.starts_with(BYTE_ORDER_MARK) {
         text.replace_range(..BYTE_ORDER_MARK.len(), "");
     }
@@ -131,9 +159,7 @@ pub fn require_regular(path: &Path) -> io::Result<()> {
     Err(io::Error::new(kind, format!("it is {}, not a regular file", name_of(found.file_type()))))
 }
 
-#[cfg(unix)]
 fn name_of(kind: FileType) -> &'static str {
-    use std::os::unix::fs::FileTypeExt;
     match kind {
         kind if kind.is_dir() => "a folder",
         kind if kind.is_fifo() => "a named pipe",
@@ -142,7 +168,19 @@ fn name_of(kind: FileType) -> &'static str {
     }
 }
 
-#[cfg(not(unix))]
-fn name_of(kind: FileType) -> &'static str {
-    if kind.is_dir() { "a folder" } else { "a device" }
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_up_to_a_limit() {
+        let file = tempfile::NamedTempFile::new().unwrap();
+        file.as_file().set_len(MOST_BYTES + 1).unwrap();
+        let refused = read(file.path()).unwrap_err().to_string();
+        assert_eq!(refused, "it has 1,073,741,825 bytes, and gprop reads up to 1,073,741,824 of such a file");
+        assert!(read_to_string(file.path()).is_err());
+        file.as_file().set_len(100).unwrap();
+        assert_eq!(read_up_to(file.path(), 100).unwrap().len(), 100);
+        assert!(read_up_to(file.path(), 99).unwrap_err().to_string().contains("up to 99 of"));
+    }
 }

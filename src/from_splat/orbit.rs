@@ -9,12 +9,13 @@ use image::{Rgba, RgbaImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 
 use crate::camera::{Camera, Distortion, Intrinsics};
+use crate::files::write::Folder;
 use crate::gaussians::Gaussians;
 use crate::numeric::{sphere_directions, upper_median};
 use crate::render::{Render, RenderOptions, render};
 use crate::scene::{Bounds, Scene, Upright, View};
 use crate::words::output::{agreeing, counted};
-use crate::workdir::{Checksum, read_json, write_atomic};
+use crate::workdir::{Checksum, read_json};
 
 /// Side of the pictures in pixels.
 const SIDE: u32 = 768;
@@ -30,8 +31,8 @@ const FILLED: f64 = 0.9;
 /// rendered again.
 ///
 /// # Errors
-/// If a picture cannot be written, or if one must be written but `may_write` is false.
-pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: bool) -> io::Result<()> {
+/// If a picture cannot be written, or if one must be written but there is no folder to write it into.
+pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, write_to: Option<&Folder>) -> io::Result<()> {
     let cameras = orbit(&scene.object_bounds(), reach(scene), count);
     let list = folder.join(CHECKSUMS);
     let written: BTreeMap<String, Checksum> = read_json(&list).unwrap_or_default();
@@ -47,19 +48,20 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: b
                 if there.is_some() && written.contains_key(&name) {
                     tracing::warn!("{image:?} has changed since gprop wrote it; it is rendered again");
                 }
-                if !may_write {
+                let Some(write_to) = write_to else {
                     return Err(io::Error::other(format!(
                         "{name}.png has to be rendered, but the folder is read-only"
                     )));
-                }
-                render_into(&image, &scene.gaussians, &camera)?
+                };
+                render_into(write_to, &image, &scene.gaussians, &camera)?
             }
         };
         found.insert(name.clone(), checksum);
         scene.views.push(View { name, camera, image, upright: Upright::AsStored, mask: None });
     }
     if found != written {
-        write_atomic(&list, |out| Ok(serde_json::to_writer(out, &found)?))?;
+        let write_to = write_to.ok_or_else(|| io::Error::from(io::ErrorKind::ReadOnlyFilesystem))?;
+        write_to.write(Path::new(CHECKSUMS), |out| Ok(serde_json::to_writer(out, &found)?))?;
     }
     scene.warnings.push(format!(
         "there are no photos: {} {} rendered from the splat itself",
@@ -69,10 +71,11 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, may_write: b
     Ok(())
 }
 
-/// Renders the picture and returns the checksum of its file.
-fn render_into(image: &Path, gaussians: &Gaussians, camera: &Camera) -> io::Result<Checksum> {
+/// Renders the picture into its folder and returns the checksum of its file.
+fn render_into(folder: &Folder, image: &Path, gaussians: &Gaussians, camera: &Camera) -> io::Result<Checksum> {
     let picture = straight(&render(gaussians, camera, &RenderOptions::default()));
-    write_atomic(image, |out| picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?;
+    let name = Path::new(image.file_name().expect("a picture has a name"));
+    folder.write(name, |out| picture.write_with_encoder(PngEncoder::new(out)).map_err(io::Error::other))?;
     Checksum::of_file(image)
 }
 

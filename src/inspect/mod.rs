@@ -23,12 +23,12 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use crate::error::UsageError;
+use crate::files::write;
 use crate::from_splat::photo_with_foreground;
 use crate::scene::{self, Bounds, ForegroundSource, ObjectSource, Options, Scene, SceneError, View};
 use crate::units::MetricScale;
 use crate::words::output::one_line;
 use crate::words::progress::Progress;
-use crate::workdir::write_atomic;
 pub use diagnose::Suggestion;
 pub use misfit::misfit;
 pub use page::to_html;
@@ -156,7 +156,7 @@ pub fn command(args: &Args, only_chosen: bool, progress: Progress) -> Result<(In
     let mut text = to_text(&inspection);
     if let Some(path) = &args.html {
         let page = to_html(&inspection, &scene, &views)?;
-        write_atomic(path, |out| out.write_all(page.as_bytes()))
+        write::file(path, |out| out.write_all(page.as_bytes()))
             .map_err(|reason| UsageError(format!("--html: cannot write {path:?}: {reason}")))?;
         text.push_str(&format!("page        {}\n", one_line(&path.to_string_lossy())));
     }

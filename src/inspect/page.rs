@@ -7,13 +7,14 @@ use base64::engine::general_purpose::STANDARD;
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, Rgb, RgbImage};
-use minijinja::{AutoEscape, Environment, Value, context};
+use minijinja::{Value, context};
 
 use super::compare::as_the_splat_shows;
 use super::{Inspection, text};
 use crate::from_splat::photo_with_foreground;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
+use crate::words::html;
 use crate::words::output::one_line;
 
 /// Longest side of a picture in pixels: three fit side by side on a screen.
@@ -45,8 +46,6 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
             difference => picture(&difference(&photo.rgb, &splat)),
         });
     }
-    let mut engine = Environment::new();
-    engine.set_auto_escape_callback(|_| AutoEscape::Html);
     let line = |(name, value): (&str, String)| if name.is_empty() { value } else { format!("{name}: {value}") };
     let verdict: Vec<String> = text::verdict(inspection).into_iter().map(line).collect();
     let data = context! {
@@ -57,7 +56,7 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
         foreground => inspection.foreground.map(text::foreground),
         rows,
     };
-    Ok(engine.render_str(include_str!("page.html.j2"), data).expect("the template is a constant"))
+    Ok(html::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant"))
 }
 
 fn picture(picture: &RgbImage) -> Value {

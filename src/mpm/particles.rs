@@ -34,6 +34,16 @@ pub struct Particle {
     pub law: u32,
 }
 
+impl Particle {
+    /// True if all its numbers are.
+    pub fn is_finite(&self) -> bool {
+        let Self { position_m, compensation_m, velocity_m_s, affine, elastic, deformation, .. } = self;
+        let motion = position_m.iter().chain(compensation_m).chain(velocity_m_s).chain(affine);
+        let scalars = [self.mass_kg, self.volume_m3, self.mu, self.lambda, self.state];
+        motion.chain(elastic).chain(deformation).chain(&scalars).all(|number| number.is_finite())
+    }
+}
+
 /// The motion of a rigid body at one place.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Motion {

@@ -1,5 +1,9 @@
 //! Nearest-neighbour search: a k-d tree without nodes, whose points are sorted so that the middle of every range splits
 //! it.
+//!
+//! A search ends after a given number of visits. One among the points of any capture is over long before; but if the
+//! points were laid out for it, all at one distance from the point to which they are searched, it would visit every one, and the time
+//! for all searches would grow with the square of their number.
 
 /// A set of points to search.
 pub struct Nearest {
@@ -18,31 +22,51 @@ impl Nearest {
         Self { points, axes }
     }
 
-    /// The `k` points nearest to `to`, nearest first, as (squared distance, index); ties go to lower indices.
+    /// The `k` points nearest to `to`, nearest first, as (squared distance, index); ties go to lower indices. Of a search that
+    /// takes more than [`MOST_VISITS`], the nearest that it came by.
     pub fn find(&self, to: [f32; 3], k: usize) -> Vec<(f32, u32)> {
-        let mut best = Vec::with_capacity(k + 1);
-        if k > 0 {
-            self.search(0, self.points.len(), to, k, &mut best);
-        }
-        best
+        self.find_within(to, k, MOST_VISITS)
     }
 
-    fn search(&self, start: usize, end: usize, to: [f32; 3], k: usize, best: &mut Vec<(f32, u32)>) {
-        if start >= end {
+    /// The same for a search that may take up to `visits`, and at least enough to come by `k` points.
+    pub fn find_within(&self, to: [f32; 3], k: usize, visits: usize) -> Vec<(f32, u32)> {
+        let mut search = Search { to, k, best: Vec::with_capacity(k + 1), left: visits.max(4 * k) };
+        if k > 0 {
+            self.search(0, self.points.len(), &mut search);
+        }
+        search.best
+    }
+
+    fn search(&self, start: usize, end: usize, search: &mut Search) {
+        if start >= end || search.left == 0 {
             return;
         }
+        search.left -= 1;
+        let Search { to, k, .. } = *search;
         let middle = start.midpoint(end);
         let (point, index) = self.points[middle];
         let axis = usize::from(self.axes[middle]);
         let offset = to[axis] - point[axis];
         let (near, far) =
             if offset < 0.0 { ((start, middle), (middle + 1, end)) } else { ((middle + 1, end), (start, middle)) };
-        self.search(near.0, near.1, to, k, best);
-        offer(best, k, (squared_distance(point, to), index));
-        if best.len() < k || offset * offset <= best[k - 1].0 {
-            self.search(far.0, far.1, to, k, best);
+        self.search(near.0, near.1, search);
+        offer(&mut search.best, k, (squared_distance(point, to), index));
+        if search.best.len() < k || offset * offset <= search.best[k - 1].0 {
+            self.search(far.0, far.1, search);
         }
     }
+}
+
+/// The most points that a search visits: several times as many as any among a million points of a capture.
+const MOST_VISITS: usize = 1 << 14;
+
+/// A search that goes on.
+struct Search {
+    to: [f32; 3],
+    k: usize,
+    best: Vec<(f32, u32)>,
+    /// How many more points it may visit.
+    left: usize,
 }
 
 fn split(points: &mut [([f32; 3], u32)], axes: &mut [u8]) {
@@ -81,4 +105,42 @@ fn offer(best: &mut Vec<(f32, u32)>, k: usize, candidate: (f32, u32)) {
 
 fn squared_distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     a.iter().zip(b).map(|(a, b)| (a - b) * (a - b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points on a sphere, which are all equally far from its centre.
+    fn sphere(count: usize) -> Nearest {
+        let golden = std::f32::consts::PI * (3.0 - 5.0_f32.sqrt());
+        Nearest::new((0..count).map(|i| {
+            let z = 1.0 - 2.0 * (i as f32 + 0.5) / count as f32;
+            let (sin, cos) = (golden * i as f32).sin_cos();
+            let ring = (1.0 - z * z).sqrt();
+            [ring * cos, ring * sin, z]
+        }))
+    }
+
+    /// How many points a search visits.
+    fn visits(points: &Nearest, to: [f32; 3], k: usize, most: usize) -> usize {
+        let mut search = Search { to, k, best: Vec::new(), left: most };
+        points.search(0, points.points.len(), &mut search);
+        most - search.left
+    }
+
+    #[test]
+    fn a_search_among_points_at_one_distance_ends() {
+        let points = sphere(100_000);
+        for to in [[0.0; 3], [1e20, 0.0, 0.0], [f32::MAX; 3]] {
+            assert_eq!(visits(&points, to, 1, MOST_VISITS), MOST_VISITS, "the points are laid out for it");
+            assert_eq!(points.find(to, 17).len(), 17);
+            assert_eq!(points.find_within(to, 17, 0).len(), 17);
+        }
+        // A search from anywhere else takes far fewer visits, so that its result is exact.
+        for to in [[1.0, 0.0, 0.0], [0.6, -0.7, 0.2], [2.0, 3.0, -1.0]] {
+            let taken = visits(&points, to, 17, usize::MAX);
+            assert!(taken < MOST_VISITS / 8, "{taken}");
+        }
+    }
 }

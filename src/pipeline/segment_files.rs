@@ -49,12 +49,20 @@ impl ViewEntry {
     }
 }
 
-/// True if the segments are numbered from 1 on, and each lies in one with a lower number if it lies in any. A work folder
-/// may come from anyone, and whoever follows the parents of a segment must come to an end.
+/// More segments than ever lie in each other.
+const DEEPEST: usize = 100;
+
+/// True if the segments are numbered from 1 on, and each lies in one with a lower number if it lies in any, and in no more than
+/// [`DEEPEST`]. A work folder may come from anyone, and whoever follows the parents of a segment must come to an end soon.
 pub fn are_nested(segments: &[Segment]) -> bool {
-    let is_nested =
-        |(number, segment): (usize, &Segment)| usize::from(segment.id) == number && segment.parent < segment.id;
-    (1..).zip(segments).all(is_nested)
+    let mut depths = vec![0; segments.len() + 1];
+    (1..).zip(segments).all(|(number, segment)| {
+        let is_numbered = usize::from(segment.id) == number && segment.parent < segment.id;
+        if is_numbered {
+            depths[number] = depths[usize::from(segment.parent)] + 1;
+        }
+        is_numbered && depths[number] <= DEEPEST
+    })
 }
 
 /// True if the map shows no other segments than these.

@@ -36,12 +36,10 @@ pub fn vote(open: &OpenScene, view: Option<&str>) -> Result<Vec<u8>> {
         AskedAbout::Parts(found) => &found.maps[index],
         AskedAbout::Segments(segmentation) => &segmentation.views[index].map,
     };
-    let material = |id: u16| {
-        let of_id = answers.segments.iter().find(|answer| answer.view == view.name && answer.segment == id);
-        match &of_id?.outcome {
-            Outcome::Answered(answer) => Some(answer.material.clone()),
-            Outcome::Failed(_) => None,
-        }
+    let outcomes = answers.by_segment();
+    let material = |id: u16| match outcomes.get(&(&*view.name, id))? {
+        Outcome::Answered(answer) => Some(answer.material.clone()),
+        Outcome::Failed(_) => None,
     };
     // A piece without an answer of its own has that of its part.
     let part_of = |id: u16| match &about {

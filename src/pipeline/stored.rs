@@ -19,6 +19,7 @@ use crate::setup;
 use crate::units::MetricScale;
 use crate::vote::MaterialField;
 use crate::words::progress::Progress;
+use crate::words::shell;
 use crate::workdir::{self, Artifact, Standing, WorkDir, WorkDirError};
 
 use super::hasher::version;
@@ -45,8 +46,8 @@ impl Stored {
     pub fn open(folder: &Path, out: Option<&Path>, stages: &[Stage]) -> Result<Self, WorkDirError> {
         let root = workdir::named_or(out, work_folder(folder, None))?;
         let command = match out {
-            None => format!("gprop run {}", folder.display()),
-            Some(out) => format!("gprop run {} --out {}", folder.display(), out.display()),
+            None => format!("gprop run {}", shell::path(folder)),
+            Some(out) => format!("gprop run {} --out {}", shell::path(folder), shell::path(out)),
         };
         let work = WorkDir::open_to_read(&root)?;
         let unfinished =

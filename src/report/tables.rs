@@ -2,14 +2,13 @@
 
 use std::fmt::Display;
 
-use csv::WriterBuilder;
-
 use super::{Pictures, Report};
 use crate::grasp::candidates::Candidate;
 use crate::query::{Answers, Form, Outcome};
 use crate::units::{Estimate, ShoreScale};
 use crate::vote::FieldLabel;
 use crate::words::part_name::part_name;
+use crate::words::table;
 
 /// A column: its heading, and the cell of each row.
 struct Column<'a, T> {
@@ -29,13 +28,8 @@ impl<'a, T> Columns<'a, T> {
         self.push(heading, move |row| value(row).map_or_else(String::new, |number| number.to_string()))
     }
 
-    /// A text from outside. A spreadsheet would take text that begins like a formula for a formula, so it is marked as
-    /// text.
     fn text(self, heading: &str, value: impl Fn(&T) -> String + 'a) -> Self {
-        self.push(heading, move |row| {
-            let text = value(row);
-            if text.starts_with(['=', '+', '-', '@', '\t', '\r']) { format!("'{text}") } else { text }
-        })
+        self.push(heading, move |row| table::text_cell(&value(row)))
     }
 
     /// Three columns: low, mid, high.
@@ -54,13 +48,9 @@ impl<'a, T> Columns<'a, T> {
     where
         T: 'r,
     {
-        let mut writer = WriterBuilder::new().from_writer(Vec::new());
-        let in_memory = "writing to memory cannot fail";
-        writer.write_record(self.0.iter().map(|column| &column.heading)).expect(in_memory);
-        for row in rows {
-            writer.write_record(self.0.iter().map(|column| (column.cell)(row))).expect(in_memory);
-        }
-        String::from_utf8(writer.into_inner().expect(in_memory)).expect("only text was written")
+        let headings = table::row(self.0.iter().map(|column| column.heading.clone()));
+        let rows = rows.into_iter().map(|row| table::row(self.0.iter().map(|column| (column.cell)(row))));
+        headings + &rows.collect::<String>()
     }
 }
 
@@ -138,7 +128,10 @@ pub(super) fn answers(answers: &Answers, pictures: &Pictures) -> String {
         .number("part", |row| pictures.part_of(&row.view, row.segment))
         .text("caption", move |row| said(&row.outcome, |answer| answer.caption.clone()))
         .text("material", move |row| said(&row.outcome, |answer| answer.material.clone()))
-        .text("confidence", move |row| said(&row.outcome, |answer| answer.confidence.to_string()))
+        .number("confidence", |row| match &row.outcome {
+            Outcome::Answered(answer) => Some(answer.confidence),
+            Outcome::Failed(_) => None,
+        })
         .text("failure", |row| match &row.outcome {
             Outcome::Answered(_) => String::new(),
             Outcome::Failed(failure) => failure.to_string(),

@@ -8,7 +8,7 @@
 //! FOLDER/filtered_product_weights.json
 //! ```
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::{fmt, fs};
@@ -142,8 +142,10 @@ struct Listed {
 fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Listed, SceneError> {
     let splits: BTreeMap<String, Vec<String>> = json(&folder.join(SPLITS))?;
     let masses: BTreeMap<String, f64> = json(&folder.join(MASSES))?;
-    let split_of =
-        |name: &str| splits.iter().find(|(_, names)| names.iter().any(|n| n == name)).map(|(split, _)| split.clone());
+    // Of several splits that list a scene, the first.
+    let split_of_name: HashMap<&str, &String> =
+        splits.iter().rev().flat_map(|(split, names)| names.iter().map(move |name| (name.as_str(), split))).collect();
+    let split_of = |name: &str| split_of_name.get(name).map(|split| (*split).clone());
     // Masses are listed by product (ASIN), scenes by product and market.
     let mass_of = |name: &str| masses.get(name).or_else(|| masses.get(name.split('_').next().unwrap_or(name))).copied();
     let scenes = folder.join("scenes");
@@ -156,8 +158,8 @@ fn abo(folder: &Path, warnings: &mut Vec<String>) -> Result<Listed, SceneError> 
     };
     let Folders { names, skipped } = folders_in(&scenes);
     let entries: Vec<Entry> = names.into_iter().map(entry).collect();
-    let listed = splits.values().flatten();
-    let absent: Vec<&String> = listed.filter(|name| !entries.iter().any(|entry| entry.name == **name)).collect();
+    let there: HashSet<&str> = entries.iter().map(|entry| entry.name.as_str()).collect();
+    let absent: Vec<&String> = splits.values().flatten().filter(|name| !there.contains(name.as_str())).collect();
     if let Some(first) = absent.first() {
         warnings.push(format!(
             "{} of {SPLITS} left out because {} no folder (first: `{first}`)",

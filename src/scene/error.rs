@@ -11,6 +11,7 @@ use crate::files::json;
 use crate::scene::object::outliers::AllSetAside;
 use crate::scene::splat::ply::PlyError;
 use crate::words::output::counted;
+use crate::words::shell;
 
 /// The trainers whose splats gprop reads, and how each exports them.
 const TRAINERS: &str = "3DGS writes point_cloud/iteration_N/point_cloud.ply as it trains (point gprop at its output folder), \
@@ -43,8 +44,8 @@ pub enum SceneError {
     )]
     InsideScene { folder: PathBuf, parent: PathBuf },
     #[error(
-        "`{0}` is not a scene but holds {1}; give a scene folder, such as `{2}`, or run all of `{0}` with `gprop batch {0}`",
-        folder.display(), counted(*.count, "scene folder"), first.display()
+        "`{0}` is not a scene but holds {1}; give a scene folder, such as `{2}`, or run all of `{0}` with `gprop batch {3}`",
+        folder.display(), counted(*.count, "scene folder"), first.display(), shell::path(folder)
     )]
     ManyScenes { folder: PathBuf, count: usize, first: PathBuf },
     #[error("`{}`: {problem}", path.display())]
@@ -143,12 +144,12 @@ pub enum SceneError {
 #[derive(Debug, Error)]
 #[error(
     "{what} `{}`{} lies outside the scene folder, at `{}`, and gprop reads nothing outside it that you did not name. If you trust it, \
-     add {}--allow-read `{}`; or copy it into the scene folder",
+     add {}`--allow-read {}`; or copy it into the scene folder",
     path.display(),
     named_in.as_deref().map(|file| format!(", which `{}` names,", file.display())).unwrap_or_default(),
     leads_to.display(),
-    flag.as_ref().map(|(flag, path)| format!("{flag} `{}` or ", path.display())).unwrap_or_default(),
-    allow.display()
+    flag.as_ref().map(|(flag, path)| format!("`{flag} {}` or ", shell::path(path))).unwrap_or_default(),
+    shell::path(allow)
 )]
 pub struct Outside {
     pub what: &'static str,

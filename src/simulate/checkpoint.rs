@@ -96,6 +96,21 @@ impl Checkpoint {
         self.record.frames.len()
     }
 
+    /// Checks that its frames are the first of a run of `frames` frames, at the times that `time_of` gives, and that an object can
+    /// be where they say.
+    pub(super) fn require_times(&self, frames: usize, time_of: &dyn Fn(usize) -> f64) -> Result<(), SimulateError> {
+        let done = &self.record.frames;
+        let is_framed = |summary: &FrameSummary| {
+            let [low, high] = summary.bounds;
+            (0..3).all(|axis| low[axis] <= high[axis] && (high[axis] - low[axis]).is_finite())
+        };
+        let fits = |(index, summary): (usize, &FrameSummary)| summary.t_s == time_of(index) && is_framed(summary);
+        if done.is_empty() || done.len() > frames || !done.iter().enumerate().all(fits) {
+            return Err(SimulateError::Checkpoint("its frames are not those of this run".to_owned()));
+        }
+        Ok(())
+    }
+
     /// # Errors
     /// [`SimulateError::Checkpoint`] if the bytes are not a complete checkpoint of this version.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, SimulateError> {

@@ -106,8 +106,12 @@ pub fn simulate<E: From<SimulateError>>(
     let course =
         format!("{setting:?} {ground:?} {:?} {bound:?} {actions:?} {} {duration_s}", report.rigid, options.frames);
     let identity = checkpoint::identity(&start, &course);
+    let time_of = |frame: usize| duration_s * frame as f64 / f64::from(options.frames - 1);
     let (mut record, mut object) = match resume {
-        Some(checkpoint) if checkpoint.identity == identity => resumed(checkpoint, start, setting, &bodies, &ground)?,
+        Some(checkpoint) if checkpoint.identity == identity => {
+            checkpoint.require_times(options.frames as usize, &time_of)?;
+            resumed(checkpoint, start, setting, &bodies, &ground)?
+        }
         Some(_) => {
             let problem = "it belongs to another scene or other options".to_owned();
             return Err(SimulateError::Checkpoint(problem).into());
@@ -120,7 +124,6 @@ pub fn simulate<E: From<SimulateError>>(
     let actions = action::on(&object, actions);
     let bar = progress.bar("simulate", u64::from(options.frames));
     bar.set_position(record.frames.len() as u64);
-    let time_of = |frame: usize| duration_s * frame as f64 / f64::from(options.frames - 1);
     for index in record.frames.len()..options.frames as usize {
         if index > 0 {
             let span = [time_of(index - 1), time_of(index)];
@@ -155,8 +158,11 @@ fn resumed(
 ) -> Result<(Record, Object), SimulateError> {
     // The solver looks up laws by their numbers, and builds a grid around all particles.
     let domain_m = setting.domain_m;
-    let fits =
-        |(start, now): (&Particle, &Particle)| start.law == now.law && crate::mpm::is_within(domain_m, now.position_m);
+    let fits = |(start, now): (&Particle, &Particle)| {
+        let constants = |p: &Particle| [p.mass_kg, p.volume_m3].map(f32::to_bits);
+        let is_same = start.law == now.law && constants(start) == constants(now);
+        is_same && now.is_finite() && crate::mpm::is_within(domain_m, now.position_m)
+    };
     if start.len() != checkpoint.particles.len() || !start.iter().zip(&checkpoint.particles).all(fits) {
         return Err(SimulateError::Checkpoint("the state of its particles is damaged".to_owned()));
     }

@@ -1,5 +1,7 @@
 //! The segments or parts that can be voted for: those of all views that have an answer.
 
+use std::collections::HashMap;
+
 use super::{AnsweredPart, ViewInput, VoteError};
 use crate::materials::MaterialLibrary;
 use crate::query::{Answer, Answers, Outcome};
@@ -36,7 +38,11 @@ impl<'a> AnsweredSegments<'a> {
     /// # Errors
     /// [`VoteError::UnknownMaterial`] if an answer names a material that `library` does not have.
     pub fn new(views: &[ViewInput], answers: &'a Answers, library: &MaterialLibrary) -> Result<Self, VoteError> {
-        let mut found = Self::of_answers(views, "segment", |view, id| answer_of(answers, views[view].name, id));
+        let outcomes = answers.by_segment();
+        let mut found = Self::of_answers(views, "segment", |view, id| match outcomes.get(&(views[view].name, id))? {
+            Outcome::Answered(answer) => Some(answer),
+            Outcome::Failed(_) => None,
+        });
         for segment in &found.segments {
             let about = || format!("segment {} of view `{}`", segment.segment, views[segment.view].name);
             check_material(segment.answer, about, library)?;
@@ -56,8 +62,9 @@ impl<'a> AnsweredSegments<'a> {
                 check_material(answer, || format!("part {}", part.id), library)?;
             }
         }
-        let main = |id: u16| parts.iter().find(|part| part.id == id)?.answers.first().map(|(answer, _)| *answer);
-        let mut found = Self::of_answers(views, "part", |_, id| main(id));
+        let main: HashMap<u16, &Answer> =
+            parts.iter().rev().filter_map(|part| Some((part.id, part.answers.first()?.0))).collect();
+        let mut found = Self::of_answers(views, "part", |_, id| main.get(&id).copied());
         let all: Vec<&str> =
             parts.iter().flat_map(|part| part.answers.iter()).map(|(a, _)| a.material.as_str()).collect();
         found.name_materials(&all);
@@ -141,14 +148,6 @@ fn ids_of(view: &ViewInput) -> Vec<bool> {
     }
     present[0] = false;
     present
-}
-
-fn answer_of<'a>(answers: &'a Answers, view: &str, segment: u16) -> Option<&'a Answer> {
-    let found = answers.segments.iter().find(|answer| answer.segment == segment && answer.view == view)?;
-    match &found.outcome {
-        Outcome::Answered(answer) => Some(answer),
-        Outcome::Failed(_) => None,
-    }
 }
 
 /// The first few of a list.

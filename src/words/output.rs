@@ -1,9 +1,10 @@
-//! Output for people at a terminal. Captions, server texts, file headers and names come from outside and may contain
-//! characters that move the cursor, colour the text after them, change the window's title or reverse the reading
-//! direction; they are shown as escapes.
+//! Output for people. Captions, server texts, file headers and names come from outside and may contain characters that
+//! move a terminal's cursor, colour the text after them, change the window's title, reverse the reading direction or
+//! cannot be seen; they are shown as escapes.
 //!
-//! Everything that gprop prints, except help and bars, goes through this module: stdout and pages through [`harmless`],
-//! stderr through [`tell`] and [`Log`].
+//! Everything that gprop shows goes through this module: stdout through [`harmless`], stderr through [`tell`], pages
+//! through [`super::html`], and tables through [`super::table`]. Only help and bars do not; they contain no text from
+//! outside.
 
 use std::borrow::Cow;
 use std::io::{self, Write};
@@ -31,7 +32,8 @@ pub fn agreeing(count: usize, one: &'static str, more: &'static str) -> &'static
     if count == 1 { one } else { more }
 }
 
-/// `text` with the characters that act on a terminal written as JSON escapes (`\u001b`), so that JSON keeps its meaning.
+/// `text` with the characters that are [not shown](is_not_shown) written as JSON escapes (`\u001b`), so that JSON keeps its
+/// meaning.
 /// Newlines and tabs are kept.
 pub fn harmless(text: &str) -> Cow<'_, str> {
     escaped(text, |c| matches!(c, '\n' | '\t'))
@@ -47,21 +49,6 @@ pub fn tell(text: &str) {
     let _ = io::stderr().write_all(format!("{}\n", harmless(text)).as_bytes());
 }
 
-/// The log: one line on stderr per event.
-#[derive(Debug, Clone, Copy)]
-pub struct Log;
-
-impl Write for Log {
-    fn write(&mut self, event: &[u8]) -> io::Result<usize> {
-        tell(&one_line(String::from_utf8_lossy(event).trim_end_matches('\n')));
-        Ok(event.len())
-    }
-
-    fn flush(&mut self) -> io::Result<()> {
-        Ok(())
-    }
-}
-
 /// The error in a TOML text, on one line.
 pub fn toml_problem(error: &toml::de::Error, text: &str) -> String {
     let line = |start| text[..start].matches('\n').count() + 1;
@@ -72,27 +59,30 @@ pub fn toml_problem(error: &toml::de::Error, text: &str) -> String {
 }
 
 fn escaped(text: &str, keep: impl Fn(char) -> bool) -> Cow<'_, str> {
-    let acts = |c: char| acts_on_a_terminal(c) && !keep(c);
-    if !text.contains(acts) {
+    let is_escaped = |c: char| is_not_shown(c) && !keep(c);
+    if !text.contains(is_escaped) {
         return Cow::Borrowed(text);
     }
     let mut shown = String::with_capacity(text.len() + 16);
     for c in text.chars() {
         match c {
-            c if !acts(c) => shown.push(c),
+            c if !is_escaped(c) => shown.push(c),
             '\n' => shown.push_str("\\n"),
             '\r' => shown.push_str("\\r"),
             '\t' => shown.push_str("\\t"),
-            c => shown.push_str(&format!("\\u{:04x}", u32::from(c))),
+            // JSON writes a character beyond U+FFFF as the two halves of UTF-16.
+            c => c.encode_utf16(&mut [0; 2]).iter().for_each(|unit| shown.push_str(&format!("\\u{unit:04x}"))),
         }
     }
     Cow::Owned(shown)
 }
 
-/// Control characters (C0, DEL, C1), line and paragraph separators, and the embeddings, overrides and isolates of
-/// Unicode's bidirectional algorithm (UAX #9).
-fn acts_on_a_terminal(c: char) -> bool {
-    c.is_control() || matches!(c, '\u{2028}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
+/// Characters that are never shown as they are, anywhere: control characters (C0, DEL, C1), line and paragraph separators,
+/// all that Unicode calls Bidi_Control (UAX #9), the byte order mark, and the invisible tags U+E0000 to U+E007F.
+pub fn is_not_shown(c: char) -> bool {
+    c.is_control()
+        || matches!(c, '\u{2028}' | '\u{2029}' | '\u{feff}' | '\u{e0000}'..='\u{e007f}')
+        || matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 #[cfg(test)]
@@ -107,6 +97,8 @@ mod tests {
             ("\u{9b}31m\u{7f}\u{8}", r"\u009b31m\u007f\u0008"),
             ("\u{202e}drawkcab\u{2069}", r"\u202edrawkcab\u2069"),
             ("50 %\r 5 %", r"50 %\r 5 %"),
+            ("\u{61c}\u{200e}\u{200f}\u{202a}\u{2066}", r"\u061c\u200e\u200f\u202a\u2066"),
+            ("\u{feff}oak\u{e0041}\u{e007f}", r"\ufeffoak\udb40\udc41\udb40\udc7f"),
         ];
         for (text, shown) in cases {
             assert_eq!((&*harmless(text), &*one_line(text)), (shown, shown));
@@ -116,10 +108,11 @@ mod tests {
 
     #[test]
     fn json_stays_the_same_json() {
-        let value = serde_json::json!({ "caption": "\u{9b}2J\u{202e}\x1b[31m\u{7f}\n\u{2028}" });
+        let value =
+            serde_json::json!({ "caption": "\u{9b}2J\u{202e}\x1b[31m\u{7f}\n\u{2028}\u{feff}\u{e0041}\u{200e}" });
         let text = serde_json::to_string_pretty(&value).unwrap();
         let shown = harmless(&text);
-        assert!(!shown.chars().any(|c| acts_on_a_terminal(c) && c != '\n'), "{shown}");
+        assert!(!shown.chars().any(|c| is_not_shown(c) && c != '\n'), "{shown}");
         assert_eq!(serde_json::from_str::<serde_json::Value>(&shown).unwrap(), value);
     }
 }

@@ -2,6 +2,7 @@
 //! [`Progress`] and never prints itself.
 
 use std::fmt::Write;
+use std::io;
 use std::sync::LazyLock;
 use std::time::{Duration, Instant};
 
@@ -72,14 +73,14 @@ impl Progress {
     /// One line about something that takes a while or is done.
     pub fn line(self, text: &str) {
         if self != Self::Hidden {
-            notice(text);
+            show(text);
         }
     }
 
     /// The line for a stage that is done.
     pub fn stage_done(self, name: &str, seconds: f64) {
         if let Self::Shown(stage) | Self::Lines(stage) = self {
-            notice(&format!("{} {seconds:6.1} s", title(stage, name)));
+            show(&format!("{} {seconds:6.1} s", title(stage, name)));
         }
     }
 
@@ -179,7 +180,7 @@ impl Countdown {
         match self.progress {
             Progress::Shown(_) => self.bar.set_message(text),
             Progress::Lines(_) if self.told.is_none_or(|told| told.saturating_sub(left) >= REMINDER) => {
-                notice(&text);
+                show(&text);
                 self.told = Some(left);
             }
             Progress::Lines(_) | Progress::Hidden => {}
@@ -193,9 +194,33 @@ impl Drop for Countdown {
     }
 }
 
-/// One line that the user must not miss: also shown if progress is hidden.
+/// A line that the user must not miss, even if progress is hidden: what is sent, and what it cost. It goes to `tracing`, as
+/// warnings do, since a library does not write to the stderr of its program; the program shows it as it is.
 pub fn notice(text: &str) {
+    tracing::warn!(target: NOTICE, "{text}");
+}
+
+/// The target of the events that are [notices](notice).
+pub const NOTICE: &str = "gprop::notice";
+
+/// Prints one line on stderr, above the bars.
+fn show(text: &str) {
     BARS.suspend(|| output::tell(&output::one_line(text)));
+}
+
+/// The log: one line on stderr per event, above the bars.
+#[derive(Debug, Clone, Copy)]
+pub struct Log;
+
+impl io::Write for Log {
+    fn write(&mut self, event: &[u8]) -> io::Result<usize> {
+        show(String::from_utf8_lossy(event).trim_end_matches('\n'));
+        Ok(event.len())
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
 }
 
 #[cfg(test)]

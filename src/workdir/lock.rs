@@ -6,13 +6,14 @@
 
 use std::fmt;
 use std::fs::{File, TryLockError};
-use std::io::{self, ErrorKind, Read, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
+use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 
-use crate::files;
+use crate::files::{self, write};
 
 /// How long a killed process may hold its lock while the system frees its memory: gigabytes take tenths of a second. If
 /// the lock's holder is alive, a process that is kept out waits this long once before it gives up.
@@ -30,14 +31,10 @@ const LAST_SECOND: u64 = 253_402_300_799;
 /// # Errors
 /// If the file cannot be created or written, or is a link: the lock's content would replace that of the link's target.
 pub fn exclusive(path: &Path) -> io::Result<Option<File>> {
-    if path.is_symlink() {
-        let problem = "it is a link, and gprop writes only through links that you name; remove it";
-        return Err(io::Error::new(ErrorKind::InvalidInput, problem));
-    }
     if files::is_special(path) {
         files::require_regular(path)?;
     }
-    let file = File::options().create(true).truncate(false).write(true).open(path)?;
+    let file = write::open_in_place(path, OFlags::CREATE)?;
     let taken = patiently(|| file.try_lock())?;
     if taken {
         // Only informs processes that are kept out: the lock holds without it.

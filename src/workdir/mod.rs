@@ -1,9 +1,7 @@
 //! The work folder: every path, file name and format version on disk, atomic reads and writes, checksums.
 //!
-//! A file is written under a temporary name next to its place and renamed into it, so a reader (or a killed run) sees
-//! the old file or the new one, never half of one. Files that a killed run left under a temporary name are removed by
-//! the next run. Nothing is written through a link: a scene from elsewhere cannot have gprop write outside its work
-//! folder.
+//! Files are written [as a whole and through no link](crate::files::write): a scene from elsewhere cannot have gprop write
+//! outside its work folder. Files that a killed run left under a temporary name are removed by the next run.
 //!
 //! Artifacts that are reused later have a [`Checksum`], computed while they were written. A second gprop process is
 //! kept out by the [`lock`]; processes that only read share it, and need no permission to write.
@@ -19,11 +17,11 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use tempfile::NamedTempFile;
 use thiserror::Error;
 use tracing::warn;
 
 use crate::files;
+use crate::files::write::{Folder, TEMPORARY};
 pub use checksum::{Checksum, Checksumming, hexadecimal, sha256_of_file};
 
 /// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again.
@@ -31,9 +29,6 @@ pub const FORMAT_VERSION: u32 = 8;
 
 /// Name of the work folder inside a scene.
 pub const DEFAULT_NAME: &str = "gprop";
-
-/// Prefix of temporary file names.
-pub const TEMPORARY: &str = ".tmp-";
 
 /// The option that names a work folder.
 const OUT: &str = "--out";
@@ -207,6 +202,10 @@ pub enum Standing {
     Changed,
 }
 
+/// Why nothing may be written into a work folder.
+#[derive(Debug, Clone)]
+struct ReadOnly(String);
+
 /// A work folder whose lock this process holds.
 #[derive(Debug)]
 pub struct WorkDir {
@@ -214,8 +213,8 @@ pub struct WorkDir {
     /// Held but never read: the lock ends with the process, however that ends. `None` if the folder is only read and cannot
     /// be locked.
     _lock: Option<File>,
-    /// Why nothing may be written; `None` if it may.
-    read_only: Option<String>,
+    /// The folder to write into, or why nothing may be written.
+    folder: Result<Folder, ReadOnly>,
     /// Checksums of the files that this process has written or verified, by path inside the folder.
     checksums: Mutex<BTreeMap<PathBuf, Checksum>>,
     /// Changed artifacts about which the user has been warned.
@@ -228,13 +227,13 @@ impl WorkDir {
     /// run fails later if it has to write.
     pub fn open(root: &Path) -> Result<Self, WorkDirError> {
         let write_error = |source| WorkDirError::Write { path: root.to_owned(), source };
-        fs::create_dir_all(root).map_err(write_error)?;
+        let folder = Folder::open(root).map_err(write_error)?;
         let lock = root.join(LOCK);
         refuse_link(&lock, OUT)?;
         match lock::exclusive(&lock) {
             Ok(Some(lock)) => {
                 sweep_all(root).map_err(write_error)?;
-                Ok(Self::new(root, Some(lock), None))
+                Ok(Self::new(root, Some(lock), Ok(folder)))
             }
             Ok(None) => Err(WorkDirError::Locked { path: root.to_owned(), holder: lock::Holder::of(&lock) }),
             Err(error) if matches!(error.kind(), ErrorKind::ReadOnlyFilesystem | ErrorKind::PermissionDenied) => {
@@ -260,24 +259,29 @@ impl WorkDir {
             // The folder was copied without the file, or its file system has no locks: no process can be kept out.
             Err(_) => None,
         };
-        Ok(Self::new(root, lock, Some(why)))
+        Ok(Self::new(root, lock, Err(ReadOnly(why))))
     }
 
-    fn new(root: &Path, lock: Option<File>, read_only: Option<String>) -> Self {
-        Self { root: root.to_owned(), _lock: lock, read_only, checksums: Mutex::default(), told: Mutex::default() }
+    fn new(root: &Path, lock: Option<File>, folder: Result<Folder, ReadOnly>) -> Self {
+        Self { root: root.to_owned(), _lock: lock, folder, checksums: Mutex::default(), told: Mutex::default() }
     }
 
     /// True if artifacts may be written.
     pub fn is_writable(&self) -> bool {
-        self.read_only.is_none()
+        self.folder.is_ok()
     }
 
     /// Fails if nothing may be written.
     pub fn require_writable(&self) -> Result<(), WorkDirError> {
-        match &self.read_only {
-            None => Ok(()),
-            Some(why) => Err(WorkDirError::Write { path: self.root.clone(), source: io::Error::other(why.clone()) }),
-        }
+        self.writable_folder().map(|_| ())
+    }
+
+    /// The folder to write into.
+    pub fn writable_folder(&self) -> Result<&Folder, WorkDirError> {
+        self.folder.as_ref().map_err(|ReadOnly(why)| WorkDirError::Write {
+            path: self.root.clone(),
+            source: io::Error::other(why.clone()),
+        })
     }
 
     /// The folder itself.
@@ -333,9 +337,9 @@ impl WorkDir {
         artifact: Artifact,
         fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<(), WorkDirError> {
-        let path = self.writable(artifact)?;
+        let (folder, path) = self.writable(artifact)?;
         let mut written = None;
-        let filled = write_atomic(&path, |out| {
+        let filled = folder.write(&artifact.path(), |out| {
             let mut out = io::BufWriter::new(Checksumming::new(out));
             fill(&mut out)?;
             written = Some(out.into_inner().map_err(io::IntoInnerError::into_error)?.finish());
@@ -363,7 +367,7 @@ impl WorkDir {
     /// The bytes of an artifact.
     pub fn read(&self, artifact: Artifact) -> Result<Vec<u8>, WorkDirError> {
         let path = self.path(artifact);
-        files::read(&path).map_err(|source| WorkDirError::Read { path, source })
+        files::read_large(&path).map_err(|source| WorkDirError::Read { path, source })
     }
 
     /// Reads a JSON artifact.
@@ -378,18 +382,18 @@ impl WorkDir {
 
     /// Removes an artifact; a missing one is not an error.
     pub fn remove(&self, artifact: Artifact) -> Result<(), WorkDirError> {
-        let path = self.writable(artifact)?;
+        let (folder, path) = self.writable(artifact)?;
         locked(&self.checksums).remove(&artifact.path());
-        match fs::remove_file(&path) {
+        match folder.remove(&artifact.path()) {
             Err(source) if source.kind() != io::ErrorKind::NotFound => Err(WorkDirError::Write { path, source }),
             _ => Ok(()),
         }
     }
 
-    /// The path at which an artifact may be written: below the root, with no link on the way. (A link in the artifact's
-    /// own place is replaced, not followed.)
-    fn writable(&self, artifact: Artifact) -> Result<PathBuf, WorkDirError> {
-        self.require_writable()?;
+    /// The folder to write into, and the path at which an artifact may be written: below the root, with no link on the way.
+    /// (A link in the artifact's own place is replaced, not followed.)
+    fn writable(&self, artifact: Artifact) -> Result<(&Folder, PathBuf), WorkDirError> {
+        let folder = self.writable_folder()?;
         let relative = artifact.path();
         let mut path = self.root.clone();
         let mut components = relative.components().peekable();
@@ -400,7 +404,7 @@ impl WorkDir {
                 refuse_link(&path, OUT)?;
             }
         }
-        Ok(path)
+        Ok((folder, path))
     }
 }
 
@@ -456,39 +460,4 @@ pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, WorkDirError> {
     let bytes = files::read(path).map_err(|source| WorkDirError::Read { path: path.to_owned(), source })?;
     serde_json::from_slice(&bytes)
         .map_err(|error| WorkDirError::Damaged { path: path.to_owned(), problem: error.to_string() })
-}
-
-/// Writes a file under a temporary name beside its final path, then renames it. Creates missing folders.
-pub fn write_atomic(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    write_atomic_as(path, TEMPORARY, fill)
-}
-
-/// Like [`write_atomic`], with a temporary name that begins with `prefix`.
-pub fn write_atomic_as(
-    path: &Path,
-    prefix: &str,
-    fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
-) -> io::Result<()> {
-    let mut fill = Some(fill);
-    replace(path, prefix, &mut |out| fill.take().map_or(Ok(()), |fill| fill(out)))
-}
-
-/// Fills a temporary file beside `path` and gives it that name.
-fn replace(path: &Path, prefix: &str, fill: &mut dyn FnMut(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
-    let folder = path.parent().unwrap_or(Path::new("."));
-    fs::create_dir_all(folder)?;
-    let mut out = io::BufWriter::new(temporary(folder, prefix)?);
-    fill(&mut out)?;
-    let file = out.into_inner().map_err(io::IntoInnerError::into_error)?;
-    file.persist(path).map_err(|error| error.error)?;
-    Ok(())
-}
-
-/// A temporary file in `folder` that may become a result: whoever the umask allows may read it, not only its owner.
-pub fn temporary(folder: &Path, prefix: &str) -> io::Result<NamedTempFile> {
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(prefix);
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder.tempfile_in(folder)
 }

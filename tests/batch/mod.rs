@@ -7,7 +7,6 @@ mod page;
 // A batch that is killed repeatedly.
 mod kills;
 // Scenes that hang, and scenes that cannot be named.
-#[cfg(unix)]
 mod limits;
 // All scenes' queries in one submission.
 mod questions;
@@ -201,7 +200,6 @@ fn a_file_that_an_option_names_counts_with_its_content() {
     assert_eq!((run(&[]), run(&[])), (1, 0));
 }
 
-#[cfg(unix)]
 #[test]
 fn a_data_set_brings_no_link_for_the_batchs_folder() {
     for link in ["gprop", "gprop/batch"] {

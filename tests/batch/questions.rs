@@ -164,7 +164,6 @@ fn a_budget_holds_for_all_scenes_together() {
     );
 }
 
-#[cfg(unix)]
 #[test]
 fn answers_are_not_recorded_through_a_link() {
     let (balls, outside) = (Balls::new(1), tempfile::tempdir().unwrap());

@@ -2,7 +2,6 @@
 
 mod segmentation;
 // Evaluation of stored results.
-#[cfg(unix)]
 mod stored;
 
 use std::fs;

@@ -187,7 +187,6 @@ fn folders_that_are_no_label_maps_are_refused() {
 }
 
 #[test]
-#[cfg(unix)]
 fn true_part_maps_of_another_size_are_refused_before_anything_is_segmented() {
     if support::models("true_part_maps_of_another_size_are_refused_before_anything_is_segmented").is_none() {
         return;

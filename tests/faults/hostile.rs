@@ -1,8 +1,10 @@
 //! Scenes, answers and recordings from elsewhere that name files outside the work folder, or link to them.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 
 use gprop::segment::LabelMap;
 use gprop::workdir::Checksum;
@@ -57,6 +59,78 @@ fn links_in_a_work_folder_are_not_written_through() {
     assert!(run(&balls, out.path()).status.success());
     assert!(!out.path().join("views.json").is_symlink());
     bystander.assert_untouched();
+}
+
+#[test]
+fn an_export_is_not_written_through_links_below_its_folder() {
+    let (balls, out) = (Balls::new(1), tempfile::tempdir().unwrap());
+    assert!(run(&balls, out.path()).status.success());
+    let export = |to: &Path| {
+        let mut command = gprop();
+        command.env_remove("OPENAI_API_KEY").arg("export").arg(balls.scene(0)).arg("--work").arg(out.path());
+        command
+            .args(["--format", "mjcf,urdf,npz,physgaussian,usda,usdz,glb,gltf-splat,ply-parts", "-q", "--out"])
+            .arg(to)
+            .args(balls.answers())
+            .output()
+            .unwrap()
+    };
+    let calm = tempfile::tempdir().unwrap();
+    let done = export(calm.path());
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let files = contents(calm.path());
+    let folders: BTreeSet<&Path> = files.iter().filter_map(|(path, _)| path.ancestors().nth(1)).collect();
+    let folders: Vec<&Path> = folders.into_iter().filter(|folder| !folder.as_os_str().is_empty()).collect();
+    assert!(!folders.is_empty(), "{files:?}");
+    for folder in folders {
+        let (bystander, model) = (Bystander::new(), tempfile::tempdir().unwrap());
+        let link = model.path().join(folder);
+        fs::create_dir_all(link.parent().unwrap()).unwrap();
+        symlink(bystander.path(), &link).unwrap();
+        assert_refused(&export(model.path()), 2, &["is a link", "remove it"]);
+        bystander.assert_untouched();
+    }
+    // Links in the places of all files are replaced.
+    let (bystander, model) = (Bystander::new(), tempfile::tempdir().unwrap());
+    for (file, _) in &files {
+        fs::create_dir_all(model.path().join(file).parent().unwrap()).unwrap();
+        symlink(bystander.path().join("precious"), model.path().join(file)).unwrap();
+    }
+    assert!(export(model.path()).status.success());
+    assert!(contents(model.path()) == files);
+    bystander.assert_untouched();
+}
+
+#[test]
+fn manual_pages_replace_links() {
+    let (bystander, pages) = (Bystander::new(), tempfile::tempdir().unwrap());
+    symlink(bystander.path().join("precious"), pages.path().join("gprop.1")).unwrap();
+    assert!(gprop().args(["man", "--out"]).arg(pages.path()).output().unwrap().status.success());
+    assert!(pages.path().join("gprop.1").is_file() && pages.path().join("gprop-run.1").is_file());
+    bystander.assert_untouched();
+}
+
+/// While gprop runs, another program puts a link in the place of a folder that gprop writes into, again and again.
+#[test]
+fn a_link_that_comes_while_gprop_runs_is_not_written_through() {
+    for folder in ["segments", "sheets", "consensus"] {
+        let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
+        let (place, aside) = (out.path().join(folder), out.path().join("aside"));
+        let mut command = gprop();
+        command.env_remove("OPENAI_API_KEY").arg("run").arg(balls.scene(0)).args(["--to", "parts", "-q", "--out"]);
+        let mut running = command.arg(out.path()).args(balls.answers()).stderr(Stdio::null()).spawn().unwrap();
+        while running.try_wait().unwrap().is_none() {
+            let _ = fs::rename(&place, &aside);
+            if symlink(bystander.path(), &place).is_ok() {
+                std::thread::yield_now();
+                let _ = fs::remove_file(&place);
+            }
+            let _ = fs::rename(&aside, &place);
+        }
+        // It may end with an error, but not with one of gprop's own.
+        assert_ne!(running.wait().unwrap().code(), Some(70));
+        bystander.assert_untouched();
+    }
 }
 
 #[test]
@@ -177,7 +251,7 @@ fn what_a_work_folder_says_of_itself_is_not_followed() {
 }
 
 /// Gives a file of a work folder other bytes, and `run.json` their checksum, as a stranger who made the folder might.
-fn forge(work: &Path, file: &str, bytes: &[u8]) {
+pub fn forge(work: &Path, file: &str, bytes: &[u8]) {
     fs::write(work.join(file), bytes).unwrap();
     let path = work.join("run.json");
     let mut record: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();

@@ -5,18 +5,18 @@
 // Small files that unpack to gigabytes.
 mod bombs;
 // Files of a work folder that were changed.
-#[cfg(unix)]
 pub mod changed;
+// Commands that gprop suggests.
+mod commands;
+// Files whose work would grow with the square of their size.
+mod effort;
 // Kills, full disks and failing servers in any order.
 mod chaos;
 // Locks: who holds one, and that processes that have ended hold none.
-#[cfg(unix)]
 pub mod locks;
 // Named pipes and devices in place of files.
-#[cfg(unix)]
 mod pipes;
 // Read-only work folders.
-#[cfg(unix)]
 mod read_only;
 // Scenes that try to have gprop write elsewhere.
 mod hostile;

@@ -29,7 +29,7 @@ fn a_linked_photo_is_read_if_the_user_says_so() {
     symlink(&photo, scene.join("images/000.png")).unwrap();
     let (named, allowed) = (scene.display().to_string(), outside.path().display().to_string());
     let out = tempfile::tempdir().unwrap();
-    let words = ["photo `", "images/000.png", "transforms.json` names", &photo.display().to_string(), "--images `"];
+    let words = ["photo `", "images/000.png", "transforms.json` names", &photo.display().to_string(), "`--images "];
     assert_refused(&run(&balls, out.path()), 3, &words);
     assert!(!out.path().join("views.json").exists());
     let batch = gprop().arg("batch").arg(balls.folder()).args(["--to", "scene"]).output().unwrap();
@@ -61,7 +61,7 @@ fn an_evaluation_reads_a_linked_photo_if_the_user_says_so() {
         command.args(["evaluate", "segmentation", "--truth", "ground_truth/maps", "--out"]).arg(out.path());
         command.arg(&scene).args(more).output().unwrap()
     };
-    assert_refused(&evaluate(&[]), 3, &["photo `", "outside the scene folder", "--allow-read `"]);
+    assert_refused(&evaluate(&[]), 3, &["photo `", "outside the scene folder", "`--allow-read "]);
     let output = evaluate(&allow);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
@@ -77,7 +77,7 @@ fn a_linked_recording_is_read_if_the_user_says_so() {
     symlink(&target, &recording).unwrap();
     let replay = ["--answers", "replay"];
     let allow = outside.path().display().to_string();
-    let words = ["recording `", &target.display().to_string(), "outside the scene folder", "--allow-read `"];
+    let words = ["recording `", &target.display().to_string(), "outside the scene folder", "`--allow-read "];
     let out = tempfile::tempdir().unwrap();
     assert_refused(&run_with(&balls, out.path(), &replay), 3, &words);
     let output = run_with(&balls, out.path(), &[&replay[..], &["--allow-read", &allow]].concat());

@@ -5,6 +5,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Output;
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
 use super::run;
@@ -13,19 +15,22 @@ use crate::query::client::{Server, error};
 use crate::query::{a, good_answer};
 use crate::run::gprop;
 
-/// A title, a colour in C1, a bell, a carriage return, a bidi override, and a line that looks like gprop's own.
-const EVIL: &str = "steel\x1b]0;owned\x07\u{9b}31m\x08\r\u{202e}\nerror: forged";
+/// A title, a colour in C1, a bell, a carriage return, a bidi override, a line that looks like gprop's own, marks of reading
+/// direction, a byte order mark and an invisible tag.
+const EVIL: &str = "steel\x1b]0;owned\x07\u{9b}31m\x08\r\u{202e}\nerror: forged\u{200f}\u{61c}\u{feff}\u{e0041}";
+
+/// True for a character that a terminal or a page would not show as itself.
+fn acts(c: char) -> bool {
+    let marks = ['\u{61c}', '\u{200e}', '\u{200f}', '\u{2028}', '\u{2029}', '\u{feff}'];
+    let ranges = ['\u{202a}'..='\u{202e}', '\u{2066}'..='\u{2069}', '\u{e0000}'..='\u{e007f}'];
+    c.is_control() || marks.contains(&c) || ranges.iter().any(|range| range.contains(&c))
+}
 
 /// Fails if a terminal would do anything but display the text.
 #[track_caller]
 fn assert_harmless(text: &[u8]) {
     let text = std::str::from_utf8(text).expect("gprop prints UTF-8");
-    let acts = |c: char| {
-        (c.is_control() && c != '\n')
-            || ('\u{202a}'..='\u{202e}').contains(&c)
-            || ('\u{2066}'..='\u{2069}').contains(&c)
-    };
-    assert!(!text.contains(acts), "{text:?}");
+    assert!(!text.contains(|c: char| c != '\n' && acts(c)), "{text:?}");
     assert!(!text.lines().any(|line| line.starts_with("error: forged")), "{text}");
 }
 
@@ -43,7 +48,7 @@ fn names_of_scenes() {
     let balls = Balls::new(1);
     let evil = balls.folder().join(EVIL);
     fs::rename(balls.scene(0), &evil).unwrap();
-    let shown = r"steel\u001b]0;owned\u0007\u009b31m\u0008\r\u202e\nerror: forged";
+    let shown = r"steel\u001b]0;owned\u0007\u009b31m\u0008\r\u202e\nerror: forged\u200f\u061c\ufeff\udb40\udc41";
     for typed in [&["inspect"][..], &["run", "--to", "scene"], &["run", "--dry-run"]] {
         let output = gprop().arg(typed[0]).arg(&evil).args(&typed[1..]).output().unwrap();
         assert_eq!(output.status.code(), Some(0), "{output:?}");
@@ -121,8 +126,14 @@ fn captions_of_parts() {
     let value: Value = serde_json::from_slice(&parts.stdout).unwrap();
     let caption = value["parts"][0]["caption"].as_str().unwrap();
     assert!(caption.contains(EVIL), "{caption:?}");
-    let page = fs::read(balls.scene(0).join("gprop/report.html")).unwrap();
-    assert!(!page.contains(&0x1b), "the page has the caption's escapes");
+    let page = fs::read_to_string(balls.scene(0).join("gprop/report.html")).unwrap();
+    assert!(!page.contains(|c: char| c != '\n' && acts(c)), "the page has the caption's escapes");
+    // So have the data of its viewer and its tables.
+    assert!(page.contains(r#""caption":"steel\\u001b]0;owned"#));
+    let tables = page.split("data:text/csv;base64,").skip(1).map(|rest| rest.split_once('"').unwrap().0);
+    let tables: Vec<Vec<u8>> = tables.map(|table| STANDARD.decode(table).unwrap()).collect();
+    assert!(tables.len() >= 4);
+    tables.iter().for_each(|table| assert_harmless(table));
     weigh(&balls.scene(0));
     let weighed = gprop().args(["evaluate", "mass"]).arg(balls.scene(0)).output().unwrap();
     assert_shown(&weighed, "ball-0");
@@ -145,4 +156,17 @@ fn what_a_server_says() {
         command.args(["--lmm-model", "test-model", "--lmm-url", &server.options().lmm_url.unwrap()]).output().unwrap();
     assert_eq!(output.status.code(), Some(5), "{output:?}");
     assert_shown(&output, r"\u001b]0;owned");
+}
+
+#[test]
+fn names_of_materials() {
+    let folder = tempfile::tempdir().unwrap();
+    let table = folder.path().join("table.csv");
+    for evil in ["oak\u{200f}", "oak\u{feff}x", "oak\u{e0041}", "oak\u{1b}[31m"] {
+        let built_in = include_str!("../../materials/wood.csv");
+        assert!(built_in.contains("\nwood,afrormosia,"));
+        fs::write(&table, built_in.replacen(",afrormosia,", &format!(",{evil},"), 1)).unwrap();
+        let output = gprop().args(["materials", "check"]).arg(&table).output().unwrap();
+        assert_shown(&output, "control the display or cannot be seen");
+    }
 }

@@ -328,7 +328,9 @@ fn answers_survive_json_lines() {
     assert_eq!(Answers::from_jsonl(&text).unwrap(), answers);
     assert_eq!(answers.failed().count(), 2);
     let error = Answers::from_jsonl(&format!("{text}\n{{\"view\":1}}\n")).unwrap_err();
-    assert_eq!(error.line, 6);
+    assert!(error.to_string().starts_with("line 6: "), "{error}");
+    let error = Answers::from_jsonl(&format!("{text}{text}")).unwrap_err();
+    assert_eq!(error.to_string(), "line 5: the segment 1 of view \"000\" has an answer already");
 }
 
 /// A shell with what is said to be in it.

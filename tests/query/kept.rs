@@ -88,7 +88,6 @@ fn a_lock_whose_owner_died_keeps_no_run_out_and_goes() {
     assert_only_recordings(folder.path(), 2);
 }
 
-#[cfg(unix)]
 #[test]
 fn a_lock_that_is_a_link_is_not_followed() {
     let (folder, prompts, options) = (tempfile::tempdir().unwrap(), Prompts::builtin(), small());

@@ -5,6 +5,7 @@ use std::io::Write;
 
 use gprop::gaussians::Gaussians;
 use gprop::render::{RenderOptions, render};
+use gprop::scene::cameras::colmap;
 use gprop::scene::splat::dot_splat as splat;
 use gprop::scene::splat::ksplat;
 use gprop::scene::splat::ply;
@@ -394,6 +395,44 @@ fn a_ksplat_is_what_it_says() {
     assert_eq!(gaussians.sh_rest_of(0), [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0]);
 }
 
+/// Every 2, 4 and 8 bytes of small files are given the largest and the next smaller powers of two as numbers, so that every
+/// count in them is too large once: whatever it counts, the reader returns and takes no memory for it.
+#[test]
+fn no_count_makes_a_reader_overflow() {
+    let camera = [1, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0, 1, 0, 0, 0].into_iter().chain([8, 0, 0, 0, 0, 0, 0, 0].repeat(6));
+    let image = [1, 0, 0, 0, 0, 0, 0, 0, 3, 0, 0, 0].into_iter().chain([0, 0, 0, 0, 0, 0, 240, 63].repeat(7));
+    let image: Vec<u8> = image.chain([7, 0, 0, 0, b'a', 0, 1, 0, 0, 0, 0, 0, 0, 0]).chain([9; 24]).collect();
+    let mut by_buckets = ksplat_file(2, 2);
+    by_buckets[20] = 1;
+    by_buckets[4096 + 8] = 1;
+    by_buckets[4096 + 12] = 1;
+    by_buckets[4096 + 20] = 12;
+    by_buckets[4096 + 32] = 1;
+    type Reader = fn(&[u8]);
+    let readers: [(&str, Vec<u8>, Reader); 6] = [
+        ("ksplat", ksplat_file(2, 2), |bytes| drop(ksplat::parse(bytes))),
+        ("ksplat with buckets", by_buckets, |bytes| drop(ksplat::parse(bytes))),
+        ("cameras.bin", camera.collect(), |bytes| drop(colmap::parse_cameras_binary(bytes))),
+        ("images.bin", image, |bytes| drop(colmap::parse_images_binary(bytes))),
+        ("sog", sog_bundle(|_| {}), |bytes| drop(sog::parse(bytes))),
+        ("spz", spz_plain(3, &FIXED, &[0; 4]), |bytes| drop(spz::parse(bytes))),
+    ];
+    for (name, file, read) in readers {
+        // The rows of Gaussians at the end of a file are many, and have no counts.
+        for at in (0..file.len().min(4096 + 1024)).filter(|at| name != "ksplat" || *at < 64 || *at >= 4096) {
+            for (bytes, number) in [2, 4, 8].into_iter().flat_map(|bytes| [0, 1].map(|less| (bytes, u64::MAX >> less)))
+            {
+                let mut changed = file.clone();
+                let end = (at + bytes).min(file.len());
+                changed[at..end].copy_from_slice(&(number >> (64 - 8 * bytes)).to_le_bytes()[..end - at]);
+                // Shown if the reader panics.
+                println!("{name}: {bytes} bytes at {at}");
+                read(&changed);
+            }
+        }
+    }
+}
+
 #[test]
 fn a_bad_ksplat_is_refused() {
     let file = ksplat_file(2, 2);
@@ -420,7 +459,7 @@ fn the_sample_ksplat_is_read() {
 }
 
 /// A SOG bundle of two Gaussians with PNGs for pictures; `change` alters its description.
-fn sog_bundle(change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
+pub fn sog_bundle(change: impl Fn(&mut serde_json::Value)) -> Vec<u8> {
     let encoded = |picture: image::RgbaImage| {
         let mut bytes = std::io::Cursor::new(Vec::new());
         picture.write_to(&mut bytes, image::ImageFormat::Png).unwrap();

@@ -199,3 +199,35 @@ fn unusual_sizes_get_a_warning_that_names_them() {
     }
     assert_eq!(load("bbox:x=0.3").warnings, Vec::<String>::new());
 }
+
+/// Ten times the Gaussians of a splat that was made to take long take at most twelve times as long: half of them reach as far
+/// as f32 goes, half of their ends see all centres at one distance. Times vary on a busy machine, so the least of a few counts.
+#[test]
+fn the_time_for_huge_gaussians_grows_with_their_number() {
+    let hostile = |count: usize| {
+        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+        let blob = |i: usize| {
+            let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
+            let (sin, cos) = (golden * i as f64).sin_cos();
+            let ring = (1.0 - z * z).sqrt();
+            Blob::round([ring * cos, ring * sin, z].map(|v| v as f32), 0.02, 0.9)
+        };
+        let mut gaussians = cloud(&(0..count).map(blob).collect::<Vec<_>>());
+        for (i, scales) in gaussians.log_scales.iter_mut().enumerate().filter(|(i, _)| i % 2 == 0) {
+            *scales = [if i % 4 == 0 { 46.0 } else { (1.0_f32 / 5.0_f32.sqrt()).ln() }; 3];
+        }
+        gaussians
+    };
+    let least_s = |count: usize, tries: usize| {
+        let mut gaussians = hostile(count);
+        let time = |_| {
+            let began = std::time::Instant::now();
+            let said = set_aside(&mut gaussians).unwrap().unwrap();
+            assert!(said.count >= count / 4, "{said}");
+            began.elapsed().as_secs_f64()
+        };
+        (0..tries).map(time).fold(f64::INFINITY, f64::min)
+    };
+    let ratios: Vec<f64> = (0..5).map(|_| least_s(40_000, 1) / least_s(4000, 3)).collect();
+    assert!(ratios.iter().any(|ratio| *ratio <= 12.0), "{ratios:?}");
+}

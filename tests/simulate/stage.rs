@@ -440,6 +440,20 @@ fn a_checkpoint_with_a_damaged_state_is_refused() {
         bytes[last..last + 4].copy_from_slice(&1e30_f32.to_le_bytes());
     };
     assert!(refused(short(options()), &position).contains("particles"));
+    // A velocity that is not a number, and another mass: words 6 and 36.
+    for (word, value) in [(6, f32::NAN), (36, 1e30)] {
+        let number = |bytes: &mut [u8]| {
+            let at = bytes.len() - PARTICLE_BYTES + 4 * word;
+            bytes[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        };
+        assert!(refused(short(options()), &number).contains("particles"));
+    }
+    // A frame at another time.
+    let time = |bytes: &mut [u8]| {
+        let at = bytes.windows(10).position(|text| text == b"\"t_s\":0.0,").unwrap();
+        bytes[at + 6] = b'9';
+    };
+    assert!(refused(short(options()), &time).contains("frames"));
     // Magic, version and identity; the record with its length; how many numbers follow; the body's centre of mass.
     let center = |bytes: &mut [u8]| {
         let record = u64::from_le_bytes(bytes[44..52].try_into().unwrap()) as usize;

@@ -18,7 +18,7 @@ use crate::report::ESTIMATED;
 use crate::report::style;
 use crate::units::Estimate;
 use crate::words::readable::figures;
-use crate::workdir::{self, Artifact};
+use crate::workdir::Artifact;
 
 use super::{BatchError, Outcome, State, Summary, memory};
 
@@ -36,7 +36,7 @@ const ESCAPED: &AsciiSet = &NON_ALPHANUMERIC.remove(b'-').remove(b'.').remove(b'
 /// Writes the page of a batch into `home`, beside its other files; `title` describes the batch.
 pub fn write(summary: &Summary, title: &str, home: &Path) -> Result<(), BatchError> {
     let (path, page) = (home.join(FILE), page(summary, title, home));
-    workdir::write_atomic(&path, |out| out.write_all(page.as_bytes())).map_err(|source| BatchError::Io { path, source })
+    files::write::file(&path, |out| out.write_all(page.as_bytes())).map_err(|source| BatchError::Io { path, source })
 }
 
 fn page(summary: &Summary, title: &str, home: &Path) -> String {

@@ -16,7 +16,7 @@ use super::bibliography::USER;
 use super::{Label, Labels};
 use crate::files;
 use crate::units::{Range, ShoreScale};
-use crate::words::output::counted;
+use crate::words::output::{counted, is_not_shown};
 
 pub use tables::{Placed, Tables, read_tables};
 use word::Mismatch;
@@ -160,6 +160,9 @@ impl Row<'_> {
     fn checked_name(&self, column: &str, name: String) -> Result<String, LibraryError> {
         if name.chars().count() > LONGEST_NAME {
             return Err(self.bad(column, format!("is too long; a name may have at most {LONGEST_NAME} characters")));
+        }
+        if name.contains(is_not_shown) {
+            return Err(self.bad(column, "has characters that control the display or cannot be seen; remove them"));
         }
         Ok(name)
     }

@@ -7,11 +7,13 @@ use anyhow::Result;
 
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::grasp::candidates::REPORTED;
 use crate::grasp::surface::Surface;
 use crate::grasp::{self, GraspError, GraspReport};
 use crate::parts::{Parts, PartsError, without_floaters};
 use crate::pictures::png;
 use crate::vote::MaterialField;
+use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
 
 use super::parts::{self, metric_parts};
@@ -103,7 +105,13 @@ impl Stored for Grasped {
     const STAGE: Stage = Stage::Grasp;
 
     fn load(open: &OpenScene) -> Result<Self> {
-        Ok(Self(open.work.read_json::<Option<GraspReport>>(Artifact::Grasp)?.map(Arc::new)))
+        let report: Option<GraspReport> = open.work.read_json(Artifact::Grasp)?;
+        let places = report.as_ref().map_or(0, |report| report.candidates.len());
+        if places > REPORTED {
+            let problem = format!("it has {} to grasp at, more than {REPORTED}", counted(places, "place"));
+            return Err(open.work.damaged(Artifact::Grasp, problem).into());
+        }
+        Ok(Self(report.map(Arc::new)))
     }
 }
 

@@ -17,7 +17,7 @@ use crate::pipeline::options::Options;
 use crate::pipeline::segment_files::check_formats;
 use crate::scene::{Photo, Scene, SceneError, View};
 use crate::words::progress::Progress;
-use crate::workdir::{self, WorkDir};
+use crate::workdir::WorkDir;
 
 /// A scene with its options and its work folder, whose lock it holds. Stages only read it.
 pub struct OpenScene {
@@ -71,12 +71,11 @@ impl OpenScene {
     ) -> Result<Self> {
         check_formats(&options.segment.also)?;
         if let Some(count) = options.scene.render_views {
-            let folder = work.root().join("rendered");
-            workdir::refuse_link(&folder, "--out")?;
-            let folder = folder.join(scene::rendering_key(&scene, &options.scene)?);
-            workdir::refuse_link(&folder, "--out")?;
-            from_splat::render_views(&mut scene, count.get(), &folder, work.is_writable())
-                .map_err(|error| UsageError(format!("cannot write views into {folder:?}: {error}")))?;
+            let below = Path::new("rendered").join(scene::rendering_key(&scene, &options.scene)?);
+            let folder = work.root().join(&below);
+            let cannot = |error| UsageError(format!("cannot write views into {folder:?}: {error}"));
+            let write_to = work.writable_folder().ok().map(|work| work.below(&below)).transpose().map_err(cannot)?;
+            from_splat::render_views(&mut scene, count.get(), &folder, write_to.as_ref()).map_err(cannot)?;
         }
         Ok(Self {
             folder: folder.to_owned(),

@@ -1,6 +1,6 @@
 //! Queries on disk: one sheet per question, recordings as they arrive, `answers.jsonl` when all are complete.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -120,7 +120,8 @@ impl Stored for Answers {
     fn load(open: &OpenScene) -> Result<Self> {
         let answers = read_answers(&open.work)?;
         // The names of files are made of the views' names, and the work folder may come from anyone.
-        let unknown = answers.segments.iter().find(|answer| !open.votes(&answer.view));
+        let known: HashSet<&str> = open.views.iter().map(|view| &*view.name).collect();
+        let unknown = answers.segments.iter().find(|answer| !known.contains(&*answer.view));
         if let Some(SegmentAnswer { view, .. }) = unknown {
             let problem = format!("it has an answer about {view:?}, which is not among the chosen views");
             return Err(open.work.damaged(Artifact::Answers, problem).into());
@@ -222,14 +223,13 @@ fn failures(answers: &Answers, asked: Asked) -> Vec<String> {
         Asked::Segments => "segment",
     };
     // Other views' answers name a part; a segment's number means something else in every view.
-    let name = |number: u16| {
-        let mut about = answers.segments.iter().filter(|segment| asked == Asked::Parts && segment.segment == number);
-        let name = about.find_map(|segment| match &segment.outcome {
-            Outcome::Answered(answer) => Some(part_name(&answer.caption, &answer.material)),
-            Outcome::Failed(_) => None,
-        });
-        name.map_or_else(String::new, |name| format!(" ({name})"))
-    };
+    let mut names: BTreeMap<u16, String> = BTreeMap::new();
+    for segment in answers.segments.iter().filter(|_| asked == Asked::Parts) {
+        if let Outcome::Answered(answer) = &segment.outcome {
+            names.entry(segment.segment).or_insert_with(|| part_name(&answer.caption, &answer.material));
+        }
+    }
+    let name = |number: u16| names.get(&number).map_or_else(String::new, |name| format!(" ({name})"));
     let failure = |segment: &SegmentAnswer| match &segment.outcome {
         Outcome::Failed(failure) => {
             let (view, number) = (&segment.view, segment.segment);

@@ -16,6 +16,7 @@ use crate::report::{
     SheetPicture, StageTime, ViewPictures,
 };
 use crate::vote::MaterialField;
+use crate::words::shell;
 use crate::workdir::{Artifact, hexadecimal};
 
 use super::asked::AskedAbout;
@@ -126,8 +127,9 @@ fn command(open: &OpenScene, job: &Job) -> String {
     let (above, known) = (scene.parent().unwrap_or(&scene), known_flags());
     let left_out = (!job.simulates).then_some("--no-simulate");
     let flags = job.flags.iter().map(|flag| as_typed_in(above, flag, &known));
-    let words = ["gprop", "run", &open.scene.name].into_iter().chain(left_out).map(Cow::Borrowed).chain(flags);
-    words.map(|word| quoted(&word)).collect::<Vec<_>>().join(" ")
+    let flags = left_out.map(Cow::Borrowed).into_iter().chain(flags);
+    let words = flags.map(|flag| format!(" {}", shell::word(&flag)));
+    format!("gprop run {}{}", shell::path(Path::new(&open.scene.name)), words.collect::<String>())
 }
 
 fn inputs(open: &OpenScene) -> Result<Vec<InputFile>> {
@@ -152,16 +154,6 @@ fn as_typed_in<'a>(folder: &Path, flag: &'a str, known: &[Flag]) -> Cow<'a, str>
     match known.iter().any(|known| known.name == name && known.is_path(value)) {
         true => format!("--{name}={}", config::portable(Path::new(value), folder).display()).into(),
         false => flag.into(),
-    }
-}
-
-/// A word, quoted for the shell if necessary.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./:=,@%+".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 

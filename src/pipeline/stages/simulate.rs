@@ -134,7 +134,13 @@ impl Stored for SimulationReport {
     const STAGE: Stage = Stage::Simulate;
 
     fn load(open: &OpenScene) -> Result<Self> {
-        Ok(open.work.read_json(Artifact::Simulation)?)
+        let report: Self = open.work.read_json(Artifact::Simulation)?;
+        let (frames, most) = (report.frames.len(), open.options.simulate.frames as usize);
+        if frames > most {
+            let problem = format!("it has {frames} frames, but the run has {most}");
+            return Err(open.work.damaged(Artifact::Simulation, problem).into());
+        }
+        Ok(report)
     }
 }
 
@@ -164,6 +170,10 @@ fn checkpoint(work: &WorkDir, job: &Job) -> Option<Checkpoint> {
         return None;
     };
     let checkpoint = Checkpoint::from_bytes(snapshot).ok()?;
+    // Each of its frames must be there, and its checksum known.
+    if !files.iter().map(|file| &file.path).eq(frame_files(checkpoint.frames()).collect::<Vec<_>>().iter()) {
+        return None;
+    }
     let standing: Vec<Standing> = files.par_iter().map(|file| work.standing(&file.path, &file.checksum)).collect();
     for (file, _) in files.iter().zip(&standing).filter(|(_, standing)| **standing == Standing::Changed) {
         work.warn_changed(&file.path, again);

@@ -126,6 +126,9 @@ pub fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<ViewInput
     with_map.map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect()
 }
 
+/// More labels than a vote gives: the work folder may come from anyone, and labels are compared with each other.
+const MOST_LABELS: usize = 20_000;
+
 /// The Gaussians and their material field in the work folder `root`, as the vote stage wrote them.
 ///
 /// # Errors
@@ -133,8 +136,10 @@ pub fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<ViewInput
 pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
     let [path, path_of_labels] = [Artifact::Field, Artifact::Labels].map(|artifact| root.join(artifact.path()));
     let labels: Vec<FieldLabel> = workdir::read_json(&path_of_labels)?;
-    if !(labels.first().is_none_or(|first| first.id > 0) && labels.is_sorted_by(|one, next| one.id < next.id)) {
-        let problem = "its labels are not numbered in order, from 1 on".to_owned();
+    let are_in_order =
+        labels.first().is_none_or(|first| first.id > 0) && labels.is_sorted_by(|one, next| one.id < next.id);
+    if labels.len() > MOST_LABELS || !are_in_order {
+        let problem = format!("its labels are not numbered in order, from 1 on, or are more than {MOST_LABELS}");
         return Err(WorkDirError::Damaged { path: path_of_labels, problem }.into());
     }
     let gaussians = ply::read(&path)?.gaussians;

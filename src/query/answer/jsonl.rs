@@ -1,14 +1,16 @@
 //! `answers.jsonl`: one line per question, written and read back.
 
+use std::collections::{HashMap, HashSet};
+
 use crate::query::{Answers, Outcome, SegmentAnswer};
 
-/// A line that is not an answer.
+/// A line that gprop did not write; lines are counted from 1.
 #[derive(Debug, thiserror::Error)]
-#[error("line {line}: {problem}")]
-pub struct AnswersError {
-    /// Counted from 1.
-    pub line: usize,
-    pub problem: serde_json::Error,
+pub enum AnswersError {
+    #[error("line {line}: {problem}")]
+    NotAnAnswer { line: usize, problem: serde_json::Error },
+    #[error("line {line}: the segment {segment} of view {view:?} has an answer already")]
+    Again { line: usize, view: String, segment: u16 },
 }
 
 impl Answers {
@@ -18,12 +20,27 @@ impl Answers {
     }
 
     /// Reads JSON Lines; blank lines are skipped.
+    ///
+    /// # Errors
+    /// If a line is not an answer, or answers the same question as an earlier one.
     pub fn from_jsonl(text: &str) -> Result<Self, AnswersError> {
         let lines = (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty());
-        let segments = lines
-            .map(|(line, text)| serde_json::from_str(text).map_err(|problem| AnswersError { line, problem }))
-            .collect::<Result<_, _>>()?;
+        let mut segments: Vec<SegmentAnswer> = Vec::new();
+        let mut answered = HashSet::new();
+        for (line, text) in lines {
+            let answer: SegmentAnswer =
+                serde_json::from_str(text).map_err(|problem| AnswersError::NotAnAnswer { line, problem })?;
+            if !answered.insert((answer.view.clone(), answer.segment)) {
+                return Err(AnswersError::Again { line, view: answer.view, segment: answer.segment });
+            }
+            segments.push(answer);
+        }
         Ok(Self { segments })
+    }
+
+    /// The outcome of each question, by view and segment.
+    pub fn by_segment(&self) -> HashMap<(&str, u16), &Outcome> {
+        self.segments.iter().map(|answer| ((&*answer.view, answer.segment), &answer.outcome)).collect()
     }
 
     /// The segments that have no answer.

@@ -1,11 +1,12 @@
 //! The page on which a person can answer: it opens from disk, beside its sheets, without a network or a server. Its
 //! fields are those of the schema; choosing a material fills in what the library knows.
 
-use minijinja::{Environment, context};
+use minijinja::context;
 use serde::Serialize;
 use serde_json::Value;
 
 use super::filled::Filled;
+use crate::words::html;
 
 /// One question as the page shows it.
 #[derive(Debug, Serialize)]
@@ -37,8 +38,9 @@ pub struct FormMaterial<'a> {
 /// The page, with the names of fillings to choose from. What it embeds is escaped by the template engine, so that no text
 /// can end the script or an element.
 pub fn page(queries: &[FormQuery], texts: &[FormText], materials: &[FormMaterial], fillings: &[&str]) -> String {
-    let (style, script) = (include_str!("form.css"), include_str!("form.js"));
-    Environment::new()
+    let own = |text: &str| minijinja::Value::from_safe_string(text.to_owned());
+    let (style, script) = (own(include_str!("form.css")), own(include_str!("form.js")));
+    html::engine()
         .render_str(include_str!("form.html.j2"), context! { queries, texts, materials, fillings, style, script })
         .expect("a test renders the page with every value that it names")
 }

@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::files;
+use crate::files::write::Folder;
 use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
 use crate::query::ask::queries::Queries;
@@ -119,8 +120,7 @@ pub fn export(
     if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(ExchangeError::NotEmpty(folder.into()));
     }
-    let sheets = folder.join("sheets");
-    fs::create_dir_all(&sheets).map_err(|source| ExchangeError::Unwritable { path: sheets.clone(), source })?;
+    let folder = &Folder::open(folder).map_err(|source| ExchangeError::Unwritable { path: folder.into(), source })?;
     let texts = write_texts(folder, open)?;
     let mut names = BTreeSet::new();
     let mut on_page = Vec::new();
@@ -133,7 +133,7 @@ pub fn export(
             continue;
         }
         let sheet = format!("sheets/{query}.jpg");
-        write(&folder.join(&sheet), &segment.jpeg)?;
+        write(folder, &sheet, &segment.jpeg)?;
         let Text { prompt, schema, index, .. } = &texts[&hashes(question)];
         on_page.push((query.to_owned(), sheet.clone(), *index, part_of(segment)));
         push_line(&mut queries, &QueryLine { query, sheet, prompt, schema });
@@ -154,7 +154,7 @@ pub fn export(
         ("README.txt", readme),
     ];
     for (name, text) in files {
-        write(&folder.join(name), text.as_bytes())?;
+        write(folder, name, text.as_bytes())?;
     }
     Ok(names.len())
 }
@@ -202,7 +202,7 @@ struct Text<'a> {
 
 /// Writes the prompt and the schema of each question once; returns their files.
 fn write_texts<'a>(
-    folder: &Path,
+    folder: &Folder,
     open: &[(&SegmentQuery, &'a Question)],
 ) -> Result<BTreeMap<Hashes<'a>, Text<'a>>, ExchangeError> {
     let mut texts: BTreeMap<Hashes, Text> = BTreeMap::new();
@@ -213,8 +213,8 @@ fn write_texts<'a>(
         let index = texts.len();
         let suffix = if index == 0 { String::new() } else { format!("-{}", index + 1) };
         let (prompt, schema) = (format!("prompt{suffix}.txt"), format!("answer{suffix}.schema.json"));
-        write(&folder.join(&prompt), question.prompt.as_bytes())?;
-        write(&folder.join(&schema), format!("{:#}\n", question.schema.value()).as_bytes())?;
+        write(folder, &prompt, question.prompt.as_bytes())?;
+        write(folder, &schema, format!("{:#}\n", question.schema.value()).as_bytes())?;
         texts.insert(hashes(question), Text { prompt, schema, index, question });
     }
     Ok(texts)
@@ -336,6 +336,7 @@ fn read(path: &Path) -> Result<String, ExchangeError> {
     files::read_to_string(path).map_err(|source| ExchangeError::Unreadable { path: path.into(), source })
 }
 
-fn write(path: &Path, bytes: &[u8]) -> Result<(), ExchangeError> {
-    fs::write(path, bytes).map_err(|source| ExchangeError::Unwritable { path: path.into(), source })
+fn write(folder: &Folder, name: &str, bytes: &[u8]) -> Result<(), ExchangeError> {
+    let written = folder.write(Path::new(name), |out| out.write_all(bytes));
+    written.map_err(|source| ExchangeError::Unwritable { path: folder.path().join(name), source })
 }

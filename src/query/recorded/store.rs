@@ -1,16 +1,16 @@
 //! The folder of recordings: read once, looked up in memory; each new one is written at once and atomically.
 
-use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::lock::QuestionLock;
 use super::{Answerer, Asked, FORMAT, MASK_IOU, Recording, key};
+use crate::files::write::{Folder, TEMPORARY};
 use crate::query::Match;
 use crate::query::recorded::sha256::Sha256Hex;
-use crate::workdir::{self, TEMPORARY};
 
 /// All recordings that were read, and where new ones are written.
 #[derive(Debug)]
@@ -28,7 +28,7 @@ type ByKey = BTreeMap<Sha256Hex, Stored>;
 #[derive(Debug)]
 struct Stored {
     recording: Recording,
-    paths: Vec<PathBuf>,
+    paths: BTreeSet<PathBuf>,
 }
 
 /// A recording that cannot be read or written.
@@ -117,7 +117,7 @@ impl Recordings {
     pub fn with_spare(self, folder: &Path) -> Result<Self, RecordingError> {
         for path in json_files(folder)? {
             let recording = read(&path)?;
-            self.lock().entry(recording.key.clone()).or_insert(Stored { recording, paths: Vec::new() });
+            self.lock().entry(recording.key.clone()).or_insert(Stored { recording, paths: BTreeSet::new() });
         }
         Ok(Self { spare: Some(folder.into()), ..self })
     }
@@ -130,10 +130,9 @@ impl Recordings {
     /// Checks that recordings can be saved by writing a file as large as a big recording and removing it.
     pub fn check_writable(&self) -> Result<(), RecordingError> {
         let try_to = || {
-            std::fs::create_dir_all(&self.write_to)?;
-            let mut file = tempfile::NamedTempFile::new_in(&self.write_to)?;
-            file.write_all(&[b' '; TRIAL_BYTES])?;
-            file.as_file().sync_all()
+            let mut draft = Folder::open(&self.write_to)?.draft(Path::new("trial"), TEMPORARY)?;
+            draft.write_all(&[b' '; TRIAL_BYTES])?;
+            draft.sync()
         };
         try_to().map_err(|source| RecordingError::NoPlace { folder: self.write_to.clone(), source })
     }
@@ -159,7 +158,7 @@ impl Recordings {
     /// `None` if there is none or it cannot be written either.
     pub fn set_aside(&self, recording: &Recording) -> Option<&Path> {
         let spare = self.spare.as_deref()?;
-        write(spare, &file_in(spare, &recording.key), recording).ok()?;
+        write(spare, recording).ok()?;
         Some(spare)
     }
 
@@ -244,8 +243,7 @@ impl Recordings {
     /// Saves a recording, first on disk, then in memory. It replaces one with the same key.
     pub fn insert(&self, recording: &Recording) -> Result<(), RecordingError> {
         let path = self.path(&recording.key);
-        write(&self.write_to, &path, recording)
-            .map_err(|source| RecordingError::Unwritable { path: path.clone(), source })?;
+        write(&self.write_to, recording).map_err(|source| RecordingError::Unwritable { path: path.clone(), source })?;
         store(&mut self.lock(), recording.clone(), path);
         Ok(())
     }
@@ -265,14 +263,12 @@ fn file_in(folder: &Path, key: &Sha256Hex) -> PathBuf {
 fn store(by_key: &mut ByKey, recording: Recording, path: PathBuf) {
     match by_key.entry(recording.key.clone()) {
         Entry::Vacant(entry) => {
-            entry.insert(Stored { recording, paths: vec![path] });
+            entry.insert(Stored { recording, paths: BTreeSet::from([path]) });
         }
         Entry::Occupied(mut entry) => {
             let stored = entry.get_mut();
             stored.recording = recording;
-            if !stored.paths.contains(&path) {
-                stored.paths.push(path);
-            }
+            stored.paths.insert(path);
         }
     }
 }
@@ -335,12 +331,10 @@ fn read(path: &Path) -> Result<Recording, RecordingError> {
 /// More bytes than most recordings have: a mask's run lengths and an answer.
 const TRIAL_BYTES: usize = 1 << 16;
 
-fn write(folder: &Path, path: &Path, recording: &Recording) -> std::io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    let mut file = workdir::temporary(folder, TEMPORARY)?;
-    serde_json::to_writer_pretty(&mut file, recording)?;
-    file.write_all(b"\n")?;
-    file.as_file().sync_all()?;
-    file.persist(path)?;
-    Ok(())
+fn write(folder: &Path, recording: &Recording) -> std::io::Result<()> {
+    let mut draft = Folder::open(folder)?.draft(&file_in(Path::new(""), &recording.key), TEMPORARY)?;
+    serde_json::to_writer_pretty(&mut draft, recording)?;
+    draft.write_all(b"\n")?;
+    draft.sync()?;
+    draft.publish()
 }

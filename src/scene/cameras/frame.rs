@@ -27,12 +27,22 @@ pub enum FrameProblem {
     )]
     CameraModel { model: String },
     #[error(
+        "the path of its photo or mask has {length} characters and {folders} folders; gprop takes up to {LONGEST_PATH} and \
+         {MOST_FOLDERS}"
+    )]
+    LongPath { length: usize, folders: usize },
+    #[error(
         "file_path leads out of the scene folder, to `{}`; if you trust it, name the folder of the photos with --images DIR, or \
          copy the photo into the scene and write a relative path",
         leads_to.display()
     )]
     OutsideScene { leads_to: PathBuf },
 }
+
+/// The longest path that Linux opens, in bytes.
+const LONGEST_PATH: usize = 4096;
+/// More folders than the path of any photo has. Photos are looked for at every end of a path.
+const MOST_FOLDERS: usize = 64;
 
 /// One calibrated picture of a camera file.
 #[derive(Debug, Clone, PartialEq)]
@@ -44,6 +54,19 @@ pub struct Frame {
     pub declared: Declared,
     /// From the camera file's world to the OpenCV camera frame.
     pub camera_from_world: Isometry3<f64>,
+}
+
+impl Frame {
+    /// Refuses paths that no photo has.
+    pub(super) fn check_paths(&self) -> Result<(), FrameProblem> {
+        for path in [Some(&self.file), self.mask.as_ref()].into_iter().flatten() {
+            let (length, folders) = (path.len(), path.matches(['/', '\\']).count());
+            if length > LONGEST_PATH || folders > MOST_FOLDERS {
+                return Err(FrameProblem::LongPath { length, folders });
+            }
+        }
+        Ok(())
+    }
 }
 
 /// The intrinsics that a file declares.

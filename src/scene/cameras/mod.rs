@@ -52,11 +52,20 @@ impl Default for Applied {
 
 /// Reads the chosen camera file; also returns every file that was opened.
 pub(super) fn read(choice: &CameraSource) -> Result<(Capture, Vec<PathBuf>), SceneError> {
-    match choice.kind {
-        Kind::Colmap => colmap::read(&choice.path),
-        Kind::Transforms => Ok((transforms::read(&choice.path)?, vec![choice.path.clone()])),
-        Kind::GaussianSplatting => Ok((gaussian_splatting::read(&choice.path)?, vec![choice.path.clone()])),
+    let (capture, files) = match choice.kind {
+        Kind::Colmap => colmap::read(&choice.path)?,
+        Kind::Transforms => (transforms::read(&choice.path)?, vec![choice.path.clone()]),
+        Kind::GaussianSplatting => (gaussian_splatting::read(&choice.path)?, vec![choice.path.clone()]),
+    };
+    for (index, frame) in capture.frames.iter().enumerate() {
+        frame.check_paths().map_err(|problem| SceneError::Frame {
+            path: choice.path.clone(),
+            frame: index,
+            file: frame.file.chars().take(100).collect(),
+            problem,
+        })?;
     }
+    Ok((capture, files))
 }
 
 fn bytes_of(path: &Path) -> Result<Vec<u8>, SceneError> {

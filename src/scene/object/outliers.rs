@@ -27,6 +27,8 @@ use thiserror::Error;
 use crate::gaussians::{BODY_DEVIATIONS, Gaussians};
 use crate::numeric::nearest::Nearest;
 use crate::numeric::upper_median;
+use crate::words::output::thousands;
+use crate::words::progress;
 
 /// With fewer Gaussians it is not possible to say what is usual among them.
 const LEAST_GAUSSIANS: usize = 32;
@@ -40,6 +42,19 @@ const LARGE: f64 = 2.0;
 /// A Gaussian is examined, however small it is, if its centre lies farther outside of the box from which the object's
 /// size is measured than this share of that size.
 const OUTSIDE: f64 = 0.25;
+
+/// Searches of a Gaussian that is examined: its neighbours, and the nearest centre of each of its six ends.
+const SEARCHES: usize = 7;
+/// All searches together take at most this many visits for each Gaussian of the cloud, so that the time does not grow with the square of
+/// their number if a stranger makes half of them huge.
+const VISITS: usize = 1024;
+/// Each may take at least this many.
+const LEAST_VISITS: usize = 512;
+/// So many suspects may take seconds, so the user is told.
+const MANY: usize = 1_000_000;
+/// From an end that is farther from the box around all centres than this many times its size, all centres are equally far: the
+/// distance of the box is that of the nearest one, within a thousandth.
+const FAR: f64 = 1000.0;
 
 /// A Gaussian that reaches farther than the object's size cannot belong to the object, whatever its neighbours are
 /// like.
@@ -140,7 +155,13 @@ fn find(gaussians: &Gaussians, core: &Core) -> Vec<Reaching> {
     if suspects.is_empty() {
         return Vec::new();
     }
-    let centers = Centers::of(gaussians);
+    if suspects.len() >= MANY {
+        let (many, all) = (thousands(suspects.len() as u64), thousands(gaussians.len() as u64));
+        progress::notice(&format!(
+            "{many} of {all} Gaussians are far larger than the others or lie outside of them; looking at each may take a minute"
+        ));
+    }
+    let centers = Centers::of(gaussians, suspects.len());
     let measured: Vec<Reaching> = suspects.into_par_iter().map(|i| Reaching::of(gaussians, i, &centers)).collect();
     let unusual = measured.iter().filter(|one| one.excess > UNUSUAL_EXCESS).count();
     let is_crowd = unusual as f64 > CROWD * gaussians.len() as f64;
@@ -160,9 +181,12 @@ impl Reaching {
             BODY_DEVIATIONS * upper_median(around.map(|(_, j)| gaussians.scale(j).max()).collect()).unwrap_or_default();
         let turn = gaussians.rotation(i).to_rotation_matrix().into_inner();
         let axes = turn * Matrix3::from_diagonal(&(gaussians.scale(i) * BODY_DEVIATIONS));
-        let distance = |end: Point3<f64>| {
-            let nearest = centers.near(end.coords.map(|v| v as f32).into(), 1, place).next();
-            nearest.map_or(0.0, |(squared, _)| f64::from(squared).sqrt())
+        let distance = |end: Point3<f64>| match centers.around.distance(end) {
+            far if far > FAR * centers.around.size() => far,
+            _ => {
+                let nearest = centers.near(end.coords.map(|v| v as f32).into(), 1, place).next();
+                nearest.map_or(0.0, |(squared, _)| f64::from(squared).sqrt())
+            }
         };
         let center = gaussians.center(i);
         let ends = axes.column_iter().flat_map(|axis| [center + axis, center - axis]);
@@ -174,24 +198,33 @@ impl Reaching {
 /// The centres to search, each position once: Gaussians at the same point do not count as neighbours of each other.
 struct Centers {
     places: Nearest,
+    /// The box around all of them.
+    around: Core,
+    /// How many visits a search may take.
+    visits: usize,
     /// For each position, the first Gaussian there.
     first: Vec<u32>,
     positions: Vec<[f32; 3]>,
 }
 
 impl Centers {
-    fn of(gaussians: &Gaussians) -> Self {
+    /// The centres of a cloud to which the ends of this many suspects are searched.
+    fn of(gaussians: &Gaussians, suspects: usize) -> Self {
         let key = |i: &u32| gaussians.positions[*i as usize].map(|side| (side + 0.0).to_bits());
         let mut first: Vec<u32> = (0..gaussians.len() as u32).collect();
         first.par_sort_unstable_by_key(|i| (key(i), *i));
         first.dedup_by_key(|i| key(i));
         let positions: Vec<[f32; 3]> = first.iter().map(|&i| gaussians.positions[i as usize]).collect();
-        Self { places: Nearest::new(positions.iter().copied()), first, positions }
+        let side = |axis: usize| positions.iter().map(move |position| f64::from(position[axis]));
+        let low = std::array::from_fn(|axis| side(axis).fold(f64::INFINITY, f64::min)).into();
+        let high = std::array::from_fn(|axis| side(axis).fold(f64::NEG_INFINITY, f64::max)).into();
+        let visits = (VISITS * gaussians.len() / (SEARCHES * suspects)).max(LEAST_VISITS);
+        Self { places: Nearest::new(positions.iter().copied()), around: Core { low, high }, visits, first, positions }
     }
 
     /// Squared distance and Gaussian of the `count` positions nearest to a point, excluding the position `own`.
     fn near(&self, to: [f32; 3], count: usize, own: [f32; 3]) -> impl Iterator<Item = (f32, usize)> {
-        let found = self.places.find(to, count + 1).into_iter();
+        let found = self.places.find_within(to, count + 1, self.visits).into_iter();
         let others = found.filter(move |(_, place)| self.positions[*place as usize] != own);
         others.take(count).map(|(squared, place)| (squared, self.first[place as usize] as usize))
     }

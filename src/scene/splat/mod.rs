@@ -124,6 +124,6 @@ fn is_bundle(path: &Path) -> bool {
 }
 
 fn read_bytes(path: &Path, parse: fn(&[u8]) -> Result<Loaded, SplatProblem>) -> Result<Loaded, SceneError> {
-    let bytes = files::read(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
+    let bytes = files::read_large(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })?;
     parse(&bytes).map_err(|problem| SceneError::Splat { path: path.to_owned(), problem })
 }

@@ -7,7 +7,8 @@ use std::path::{Path, PathBuf};
 use sha2::{Digest, Sha256};
 
 use super::{EMBEDDING, Embedding, external};
-use crate::workdir::{hexadecimal, write_atomic};
+use crate::files::write;
+use crate::workdir::hexadecimal;
 
 /// A folder of embeddings from one encoder.
 pub struct Cache {
@@ -40,7 +41,7 @@ impl Cache {
     }
 
     pub fn write(path: &Path, embedding: &Embedding) -> io::Result<()> {
-        write_atomic(path, |out| out.write_all(&bytes(&embedding.0)))
+        write::file(path, |out| out.write_all(&bytes(&embedding.0)))
     }
 }
 

@@ -69,7 +69,7 @@ const LOCATION: &str = "location";
 /// SHA-256 of the model at `path`; if it has weights in other files, of these as well. Other files that cannot be read
 /// are left out: ONNX Runtime reports them when it loads the model.
 pub fn digest(path: &Path) -> io::Result<[u8; 32]> {
-    let model = files::read(path)?;
+    let model = files::read_large(path)?;
     let own: [u8; 32] = Sha256::digest(&model).into();
     let others: Vec<[u8; 32]> =
         files_beside(path, &model).iter().filter_map(|file| sha256_of_file(file).ok()).collect();
@@ -82,7 +82,7 @@ pub fn digest(path: &Path) -> io::Result<[u8; 32]> {
 
 /// Size of the model at `path` in bytes, with its weights in other files.
 pub fn size(path: &Path) -> io::Result<u64> {
-    let model = files::read(path)?;
+    let model = files::read_large(path)?;
     let others = files_beside(path, &model);
     let of_others: u64 = others.iter().filter_map(|file| fs::metadata(file).ok()).map(|found| found.len()).sum();
     Ok(model.len() as u64 + of_others)

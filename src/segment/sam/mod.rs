@@ -62,8 +62,9 @@ impl Sam {
     /// mask decoder although [`DecoderRuntime::Native`] is asked for.
     pub fn open(models: &ModelFiles, decoder: Option<DecoderRuntime>, threads: usize) -> Result<Self, SegmentError> {
         let runtime = runtime::load(&models.onnxruntime)?;
-        let read =
-            |path: &Path| files::read(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source });
+        let read = |path: &Path| {
+            files::read_large(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source })
+        };
         let threads = threads.max(1);
         let (encoder, decoder) = rayon::join(
             || Encoder::open(&runtime, &models.encoder, threads),
