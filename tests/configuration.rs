@@ -13,7 +13,7 @@ use crate::run::gprop;
 use crate::support::skipped;
 
 /// Keys that no scene may set, each with a value that its option accepts.
-const REFUSED: [(&str, &str); 26] = [
+const REFUSED: [(&str, &str); 28] = [
     ("ort-lib", "\"lib.so\""),
     ("ort_lib", "\"lib.so\""),
     ("sam-encoder", "\"encoder.onnx\""),
@@ -21,6 +21,8 @@ const REFUSED: [(&str, &str); 26] = [
     ("offline", "false"),
     ("lmm-url", "\"http://127.0.0.1:9/v1\""),
     ("lmm-model", "\"model\""),
+    ("lmm-key-env", "\"HOME\""),
+    ("lmm-key-header", "\"x-key\""),
     ("lmm-temperature", "1"),
     ("lmm-max-tokens", "9"),
     ("lmm-body", "\"body.json\""),

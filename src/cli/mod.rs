@@ -431,6 +431,8 @@ mod tests {
         "decoder",
         "fps",
         "lmm-body",
+        "lmm-key-env",
+        "lmm-key-header",
         "lmm-max-tokens",
         "lmm-model",
         "lmm-parallel",

@@ -117,7 +117,7 @@ impl<'a> QuerySession<'a> {
             price: price(options)?,
             own_recordings: home.join(RECORDINGS),
             recordings: Recordings::open(&read_from, write_to)?.with_spare(&spare)?,
-            client: Client::new(options, ApiKey::from_environment()?, network, progress)?,
+            client: Client::new(options, ApiKey::from_environment(options)?, network, progress)?,
             work,
             progress,
         })

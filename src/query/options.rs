@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use http::HeaderName;
+use http::header::{CONTENT_LENGTH, CONTENT_TYPE, HOST};
 use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
@@ -12,6 +14,8 @@ pub use crate::query::question::sheet::Context;
 
 /// Longest side of a sheet in pixels: three 512-pixel panels in a row, the tile size that vision models bill by.
 const SHEET_SIZE: u32 = 1536;
+/// The environment variable in which programs look for the key of a server with OpenAI's API.
+pub const KEY_VARIABLE: &str = "OPENAI_API_KEY";
 /// Tokens an answer may take: nineteen fields need about 370; the rest is room for models that think aloud.
 const MAX_TOKENS: u32 = 2000;
 const PARALLEL: usize = 4;
@@ -103,7 +107,7 @@ pub struct Options {
     #[arg(long, value_name = "DIR", value_parser = option_values::new_folder())]
     pub recordings: Option<PathBuf>,
 
-    /// Base URL of an OpenAI-compatible server, such as http://localhost:11434/v1; its key is read from OPENAI_API_KEY
+    /// Base URL of an OpenAI-compatible server, such as http://localhost:11434/v1; docs/models.md has more
     #[arg(long, value_name = "URL")]
     #[serde(skip)]
     pub lmm_url: Option<String>,
@@ -111,6 +115,16 @@ pub struct Options {
     /// Name of the model on that server; without --lmm-url, use only recordings of this model
     #[arg(long, value_name = "NAME")]
     pub lmm_model: Option<String>,
+
+    /// Environment variable that holds the key of that server [default: OPENAI_API_KEY]
+    #[arg(long, value_name = "VARIABLE")]
+    #[serde(skip)]
+    pub lmm_key_env: Option<String>,
+
+    /// Header in which the key is sent by itself, such as api-key [default: Authorization, after the word Bearer]
+    #[arg(long, value_name = "HEADER", value_parser = header)]
+    #[serde(skip)]
+    pub lmm_key_header: Option<HeaderName>,
 
     /// Sampling temperature; 0 is the most deterministic
     #[arg(long, value_name = "T", default_value_t = 0.0, value_parser = TEMPERATURE)]
@@ -178,6 +192,21 @@ impl Default for Options {
     fn default() -> Self {
         option_values::defaults()
     }
+}
+
+impl Options {
+    /// The name of the environment variable that holds the server's key.
+    pub fn key_variable(&self) -> &str {
+        self.lmm_key_env.as_deref().unwrap_or(KEY_VARIABLE)
+    }
+}
+
+fn header(text: &str) -> Result<HeaderName, String> {
+    let name = text.parse().map_err(|_| "not the name of a header, such as api-key".to_owned())?;
+    if [CONTENT_LENGTH, CONTENT_TYPE, HOST].contains(&name) {
+        return Err("this header has a meaning of its own; give that in which the server expects its key".to_owned());
+    }
+    Ok(name)
 }
 
 fn usd(text: &str) -> Result<f64, String> {

@@ -6,6 +6,8 @@ mod answers;
 pub mod batch_api;
 // A server that misbehaves in every way that servers are known to.
 pub mod client;
+// Connections that do not open, certificates, keys in other headers and variables.
+mod connection;
 mod cost;
 // Servers that send the key back, escaped, in part or in pieces.
 mod echoes;

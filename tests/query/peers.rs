@@ -84,14 +84,20 @@ fn aimock(test: &str, folder: &Path, answer: &Value, arguments: &[&str]) -> Opti
     Some(command)
 }
 
+fn http() -> reqwest::Client {
+    // reqwest wants one even for connections without TLS; another test may have named it already.
+    let _ = rustls::crypto::ring::default_provider().install_default();
+    reqwest::Client::new()
+}
+
 fn post(url: &str, body: &Value) {
-    let send = async { reqwest::Client::new().post(url).body(body.to_string()).send().await };
+    let send = async { http().post(url).body(body.to_string()).send().await };
     let response = tokio::runtime::Runtime::new().unwrap().block_on(send).unwrap();
     assert!(response.status().is_success(), "{response:?}");
 }
 
 fn get(url: &str) -> Value {
-    let fetch = async { reqwest::get(url).await.unwrap().json().await };
+    let fetch = async { http().get(url).send().await.unwrap().json().await };
     tokio::runtime::Runtime::new().unwrap().block_on(fetch).unwrap()
 }
 

@@ -137,7 +137,7 @@ impl MockServer {
 }
 
 /// Reads a request to the end of its body; `None` if the connection ends earlier, as that of a killed client does.
-pub fn read_request(stream: &mut TcpStream) -> Option<Request> {
+pub fn read_request(stream: &mut impl Read) -> Option<Request> {
     let mut bytes = Vec::new();
     let mut chunk = [0; 1 << 16];
     let head_length = loop {
@@ -163,13 +163,13 @@ pub fn read_request(stream: &mut TcpStream) -> Option<Request> {
 }
 
 /// Appends the bytes that have arrived; `None` at the end of the connection.
-fn read_more(stream: &mut TcpStream, chunk: &mut [u8], bytes: &mut Vec<u8>) -> Option<()> {
+fn read_more(stream: &mut impl Read, chunk: &mut [u8], bytes: &mut Vec<u8>) -> Option<()> {
     let count = stream.read(chunk).ok().filter(|&count| count > 0)?;
     bytes.extend_from_slice(&chunk[..count]);
     Some(())
 }
 
-fn write_response(stream: &mut TcpStream, response: &Response) -> io::Result<()> {
+pub fn write_response(stream: &mut impl Write, response: &Response) -> io::Result<()> {
     // A slow server, or one that never answers: the thread ends with the tests.
     thread::sleep(response.delay);
     let mut bytes = format!("HTTP/1.1 {} of a test\r\ncontent-length: {}\r\n", response.status, response.body.len());

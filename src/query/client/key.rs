@@ -1,40 +1,62 @@
 //! The API key: read from the environment, sent in one header, and used nowhere else.
 
+use std::env::VarError;
 use std::fmt;
 
-use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderValue};
+use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderName, HeaderValue};
 
 use super::error::ClientError;
 use super::secret;
-
-const VARIABLE: &str = "OPENAI_API_KEY";
+use crate::query::options::Options;
 
 /// An API key that cannot be printed.
 #[derive(Clone)]
 pub struct ApiKey {
     secret: String,
-    header: HeaderValue,
+    name: HeaderName,
+    value: HeaderValue,
 }
 
 impl ApiKey {
-    /// The key in `OPENAI_API_KEY`; `None` if it is unset or empty, as for servers that need none.
-    pub fn from_environment() -> Result<Option<Self>, ClientError> {
-        match std::env::var(VARIABLE) {
-            Ok(secret) if !secret.trim().is_empty() => Self::new(secret.trim()).map(Some),
-            Ok(_) | Err(std::env::VarError::NotPresent) => Ok(None),
-            Err(std::env::VarError::NotUnicode(_)) => Err(ClientError::Key),
+    /// The key in the variable that the options name; `None` if they name none and `OPENAI_API_KEY` is unset or empty, as
+    /// for servers that need no key.
+    ///
+    /// # Errors
+    /// If the variable that they name is unset, or holds no key.
+    pub fn from_environment(options: &Options) -> Result<Option<Self>, ClientError> {
+        let variable = options.key_variable();
+        let no_key = || ClientError::Key { variable: shown(variable) };
+        let secret = match std::env::var(variable) {
+            Ok(secret) => secret.trim().to_owned(),
+            Err(VarError::NotPresent) => String::new(),
+            Err(VarError::NotUnicode(_)) => return Err(no_key()),
+        };
+        if !secret.is_empty() {
+            let name = options.lmm_key_header.as_ref().unwrap_or(&AUTHORIZATION);
+            return Self::in_header(&secret, name).map(Some).ok_or_else(no_key);
+        }
+        match &options.lmm_key_env {
+            Some(_) if options.lmm_url.is_some() => Err(ClientError::NoKey { variable: shown(variable) }),
+            _ => Ok(None),
         }
     }
 
-    /// A key.
-    pub fn new(secret: &str) -> Result<Self, ClientError> {
-        let mut header = HeaderValue::from_str(&format!("Bearer {secret}")).map_err(|_| ClientError::Key)?;
-        header.set_sensitive(true);
-        Ok(Self { secret: secret.into(), header })
+    /// A key that is sent as most servers expect it: `Authorization: Bearer KEY`. `None` if it contains characters that no
+    /// header has.
+    pub fn new(secret: &str) -> Option<Self> {
+        Self::in_header(secret, &AUTHORIZATION)
+    }
+
+    /// A key that is sent in the header of this name, by itself unless that is `Authorization`.
+    fn in_header(secret: &str, name: &HeaderName) -> Option<Self> {
+        let value = if *name == AUTHORIZATION { format!("Bearer {secret}") } else { secret.to_owned() };
+        let mut value = HeaderValue::from_str(&value).ok()?;
+        value.set_sensitive(true);
+        Some(Self { secret: secret.into(), name: name.clone(), value })
     }
 
     pub(super) fn headers(&self) -> HeaderMap {
-        HeaderMap::from_iter([(AUTHORIZATION, self.header.clone())])
+        HeaderMap::from_iter([(self.name.clone(), self.value.clone())])
     }
 
     /// `text` with the key and long parts of it removed, in case a server sends it back.
@@ -52,6 +74,12 @@ impl fmt::Debug for ApiKey {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("ApiKey([key])")
     }
+}
+
+/// The name of a variable, for messages. A text that does not look like one may be the key itself, given by mistake.
+pub(super) fn shown(variable: &str) -> String {
+    let is_name = variable.chars().all(|c| c == '_' || c.is_ascii_uppercase() || c.is_ascii_digit());
+    if is_name { variable.to_owned() } else { "the variable that --lmm-key-env names".to_owned() }
 }
 
 /// A URL without the parts before an `@` or after a `?`, where people put keys.

@@ -12,6 +12,7 @@
 mod address;
 mod body;
 mod completion;
+mod connection;
 mod dialect;
 mod error;
 mod fields;
@@ -20,6 +21,7 @@ mod proxy;
 pub(super) mod response;
 pub(super) mod retry;
 mod secret;
+mod trust;
 mod wait;
 
 use std::path::PathBuf;
@@ -41,17 +43,22 @@ use crate::setup::Offline;
 use crate::words::output::counted;
 use crate::words::progress::{self, Progress};
 use address::Address;
+use connection::Route;
 use dialect::{Dialect, Settings};
 pub use error::ClientError;
 use fields::Fields;
 pub use key::ApiKey;
 use response::Received;
 use retry::{Attempt, Backoff, Wait};
+use trust::Trust;
 
 /// A server and one of its models.
 pub struct Client {
     address: Address,
     key: Option<ApiKey>,
+    /// The environment variable from which the key is read, for messages.
+    key_variable: String,
+    route: Route,
     /// An error if no connection may be opened.
     network: Result<(), Offline>,
     progress: Progress,
@@ -93,7 +100,8 @@ impl Client {
         let Some(base) = &options.lmm_url else { return Ok(None) };
         let model = options.lmm_model.clone().ok_or(ClientError::NoModel)?;
         let address = Address::parse(base)?;
-        let http = reqwest::Client::builder();
+        let Trust { config, unread } = Trust::new().map_err(ClientError::Http)?;
+        let http = reqwest::Client::builder().tls_backend_preconfigured(config);
         let http = if proxy::is_this_machine(address.url()) { http.no_proxy() } else { http };
         let http = http
             .timeout(Duration::from_secs(options.lmm_timeout_s))
@@ -122,8 +130,10 @@ impl Client {
         settings.fields.note_in(&mut parameters);
         Ok(Some(Self {
             dialect: Mutex::new(Dialect::of_host(&address.host())),
+            route: Route::new(&address, unread),
             address,
             key,
+            key_variable: key::shown(options.key_variable()),
             network,
             progress,
             answerer: Answerer { model, parameters },
@@ -297,21 +307,35 @@ impl Client {
             // Once connected, the server may have received the request, whether it answered or not.
             Err(error) => {
                 let may_be_billed = !error.is_connect() && !error.is_builder();
-                return failed(response::transport(error), may_be_billed);
+                return failed(self.route.failure(&error), may_be_billed);
             }
         };
         let status = response.status();
         let may_be_billed = status.is_success() || status.is_server_error();
         let headers = response.headers().clone();
-        let bytes = match response::body(&mut response, most_bytes).await {
+        let bytes = match response::body(&mut response, most_bytes, &self.route).await {
             Ok(bytes) => bytes,
             Err(failure) => return failed(failure, may_be_billed),
         };
         let text = String::from_utf8_lossy(&bytes);
         let body = self.key.as_ref().map_or_else(|| text.to_string(), |key| key.cut_from_body(&text));
-        let result = read(&Received { status, headers, body });
+        let result = read(&Received { status, headers, body }).map_err(|failure| self.about_key(failure));
         let result = result.map_err(|failure| failure.with_text(|text| self.without_key(text)));
         Exchanged { result, may_be_billed }
+    }
+
+    /// The failure, with what to do about a key that the server does not accept.
+    fn about_key(&self, failure: Attempt) -> Attempt {
+        let Attempt::KeyRefused { message } = failure else { return failure };
+        let variable = &self.key_variable;
+        let message = match &self.key {
+            None => format!("{message}; set {variable} to a key for this server, or name its variable with --lmm-key-env"),
+            Some(_) => format!(
+                "{message}; is the key in {variable} one for this server, and does it expect the key in another header \
+                 (--lmm-key-header)?"
+            ),
+        };
+        Attempt::Final(AskError::Fatal(message))
     }
 }
 

@@ -6,6 +6,7 @@ use serde_json::Value;
 
 use super::body::{documents, is_error, sentence};
 use super::completion::Completion;
+use super::connection::Route;
 use super::retry::Attempt;
 use super::wait;
 use crate::query::ask::asker::{AskError, Reply, ReplyContent};
@@ -80,7 +81,7 @@ fn no_completion(body: &str, documents: &[Value]) -> String {
 }
 
 /// The body of a response, of at most `most_bytes`.
-pub async fn body(response: &mut Response, most_bytes: usize) -> Result<Vec<u8>, Attempt> {
+pub async fn body(response: &mut Response, most_bytes: usize, route: &Route) -> Result<Vec<u8>, Attempt> {
     let too_long = || {
         let message = format!("the server's response is longer than {} MB and was not read", most_bytes / 1_000_000);
         Attempt::Final(AskError::Failed(message))
@@ -89,7 +90,7 @@ pub async fn body(response: &mut Response, most_bytes: usize) -> Result<Vec<u8>,
         return Err(too_long());
     }
     let mut bytes = Vec::new();
-    while let Some(chunk) = response.chunk().await.map_err(transport)? {
+    while let Some(chunk) = response.chunk().await.map_err(|error| route.failure(&error))? {
         if bytes.len() + chunk.len() > most_bytes {
             return Err(too_long());
         }
@@ -98,18 +99,6 @@ pub async fn body(response: &mut Response, most_bytes: usize) -> Result<Vec<u8>,
     Ok(bytes)
 }
 
-/// The failure of a request that got no complete response.
-pub fn transport(error: reqwest::Error) -> Attempt {
-    let unreachable = error.is_connect();
-    let timed_out = error.is_timeout();
-    let mut message = error.without_url().to_string();
-    if timed_out && !unreachable {
-        message = format!("no response in time ({message}); raise --lmm-timeout-s to wait longer");
-    }
-    if unreachable {
-        return Attempt::Unreachable { message: format!("cannot connect to --lmm-url: {message}") };
-    }
-    Attempt::Passing { message: format!("the connection failed: {message}"), retry_after: None }
 }
 
 /// The failure that an unsuccessful status stands for.
@@ -117,7 +106,7 @@ pub fn failure(received: &Received) -> Attempt {
     let Received { status, headers, body } = received;
     let message = format!("status {}: {}", status.as_u16(), message(body));
     match status.as_u16() {
-        401 | 403 => Attempt::Final(AskError::Fatal(format!("{message}; set OPENAI_API_KEY to a key for this server"))),
+        401 | 403 => Attempt::KeyRefused { message },
         402 => Attempt::Final(AskError::Fatal(message)),
         404 => Attempt::Final(AskError::Fatal(format!("{message}; check --lmm-url and --lmm-model"))),
         429 if is_about(body, &["insufficient_quota", "billing_hard_limit"]) => {

@@ -15,6 +15,8 @@ pub enum Attempt {
     Unaccepted { message: String },
     /// The server answered this form of request with something that is no completion.
     Unreadable { message: String },
+    /// The server does not accept the key, or misses one.
+    KeyRefused { message: String },
     /// Retrying would not help.
     Final(AskError),
 }
@@ -27,6 +29,7 @@ impl Attempt {
             Self::Unreachable { message } => Self::Unreachable { message: edit(&message) },
             Self::Unaccepted { message } => Self::Unaccepted { message: edit(&message) },
             Self::Unreadable { message } => Self::Unreadable { message: edit(&message) },
+            Self::KeyRefused { message } => Self::KeyRefused { message: edit(&message) },
             Self::Final(error) => Self::Final(error.with_text(edit)),
         }
     }
@@ -40,7 +43,7 @@ impl From<Attempt> for AskError {
             Attempt::Passing { message, .. } | Attempt::Unaccepted { message } | Attempt::Unreadable { message } => {
                 Self::Failed(message)
             }
-            Attempt::Unreachable { message } => Self::Fatal(message),
+            Attempt::KeyRefused { message } | Attempt::Unreachable { message } => Self::Fatal(message),
         }
     }
 }
@@ -87,7 +90,7 @@ impl Backoff {
         let (retry_after, most) = match &failure {
             Attempt::Passing { retry_after, .. } => (*retry_after, self.retries),
             Attempt::Unreachable { .. } => (None, self.retries.min(CONNECTION_RETRIES)),
-            Attempt::Unaccepted { .. } | Attempt::Unreadable { .. } | Attempt::Final(_) => return Err(failure),
+            _ => return Err(failure),
         };
         if self.done >= most {
             return Err(failure);
