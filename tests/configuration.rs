@@ -34,6 +34,7 @@ const REFUSED: [(&str, &str); 28] = [
     ("prompts", "\"prompts\""),
     ("recordings", "\"recorded\""),
     ("max-usd", "1000"),
+    ("price", "\"0\""),
     ("prices", "\"prices.csv\""),
     ("max-simulation-minutes", "1e9"),
     ("threads", "1"),

@@ -446,6 +446,7 @@ mod tests {
         "offline",
         "ort-lib",
         "preset",
+        "price",
         "prices",
         "prompts",
         "recordings",

@@ -14,9 +14,9 @@ use crate::files::read_scope::ReadScope;
 use crate::materials::MaterialLibrary;
 use crate::query::ask::asker::Asker;
 use crate::query::ask::budget::Budget;
-use crate::query::ask::cost::{Price, PriceTable};
+use crate::query::ask::cost::{Price, PriceTable, UsdPerMtok};
 use crate::query::ask::rounds::{Outcomes, Subject, Target};
-use crate::query::client::{ApiKey, Client};
+use crate::query::client::{self, ApiKey, Client};
 use crate::query::exchange::{self, Imported};
 use crate::query::question::About;
 use crate::query::recorded::{Answerer, Recordings};
@@ -226,7 +226,12 @@ impl<'a> QuerySession<'a> {
             let round = self.prepare(&due)?;
             begin(&round)?;
             let run = round.run(&self.recordings, asker, &budget, self.progress)?;
+            let is_fruitless = run.answers.failed().count() == run.answers.segments.len();
             answers.extend(due.into_iter().zip(run.answers.segments.into_iter().map(|answer| answer.outcome)));
+            // Answers may call for more questions. Failures do not: the next ones would fail as well.
+            if is_fruitless {
+                break;
+            }
         }
         let segments = answers.into_iter().map(|(Target { view, id }, outcome)| SegmentAnswer {
             view: self.views[view].name.to_owned(),
@@ -327,7 +332,8 @@ pub fn candidates<'a>(options: &Options, library: &'a MaterialLibrary) -> Result
     })
 }
 
-/// The price of the model, if the user's price table or the built-in one has it.
+/// The price of the model: the user's own, that of the user's price table or the built-in one, or none at all if it runs on
+/// this machine. A model of these tables may be behind a gateway on this machine, and is paid for then.
 pub fn price(options: &Options) -> Result<Option<Price>> {
     let table = match &options.prices {
         None => PriceTable::builtin(),
@@ -337,5 +343,8 @@ pub fn price(options: &Options) -> Result<Option<Price>> {
             PriceTable::from_csv(&text).with_context(|| format!("{path:?}"))?
         }
     };
-    Ok(options.lmm_model.as_deref().and_then(|model| table.price(model)).cloned())
+    let Some(model) = &options.lmm_model else { return Ok(None) };
+    let free = || client::is_on_this_machine(options).then(|| Price::new(model, UsdPerMtok::default()));
+    let given = options.price.map(|price| Price::new(model, price));
+    Ok(given.or_else(|| table.price(model).cloned()).or_else(free))
 }

@@ -1,6 +1,7 @@
 //! Errors of the queries as a whole. The failure of a single segment is a [`super::Failure`].
 
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 use super::recorded::{Miss, RecordingError};
@@ -36,7 +37,9 @@ pub enum QueryError {
          --scale estimate --export DIR, then gprop query SCENE --scale estimate --import DIR; or give another --scale"
     )]
     MissingSize { view: String, miss: Miss },
-    #[error("--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE")]
+    #[error(
+        "--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE, or --price 0 if nothing is charged"
+    )]
     NoPrice { model: String },
     #[error(
         "{} would cost about {usd:.4} USD, more than {}",
@@ -61,6 +64,14 @@ pub enum QueryError {
     },
     #[error("{message}; {} {} not answered; the answers so far are recorded ({spent})", output::counted(*.left, "question"), output::agreeing(*.left, "is", "are"))]
     Endpoint { message: String, left: usize, spent: Spent },
+    #[error(
+        "all {requests} requests that were announced are sent; {} {} not answered; the answers so far are recorded ({spent}). \
+         The same command goes on",
+        output::counted(*.left, "question"), output::agreeing(*.left, "is", "are")
+    )]
+    Announced { requests: usize, left: usize, spent: Spent },
+    #[error(transparent)]
+    InVain(Box<InVain>),
     #[error("{}: {}", unanswered(*.segments), counted(.failures))]
     AllFailed {
         segments: usize,
@@ -114,6 +125,45 @@ pub enum QueryError {
         output::counted(*.count, "answer"), if *.recorded > 0 { "; the others are recorded" } else { "" }
     )]
     Import { folder: PathBuf, count: usize, recorded: usize, lines: String },
+}
+
+/// So many requests in a row brought no usable reply that no more were sent.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub struct InVain {
+    /// How many.
+    pub requests: usize,
+    pub last: Failure,
+    /// The text of the last reply, if there was one.
+    pub reply: Option<String>,
+    /// The ways in which an answer was asked for, in words.
+    pub tried: Vec<&'static str>,
+    /// The questions that are left.
+    pub left: usize,
+    pub spent: Spent,
+}
+
+/// The longest excerpt of a reply that is shown, in characters.
+const SHOWN_CHARACTERS: usize = 200;
+
+impl fmt::Display for InVain {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { requests, last, reply, tried, left, spent } = self;
+        write!(f, "{requests} requests in a row brought no usable reply, so no more were sent. The last: {last}")?;
+        if let Some(reply) = reply {
+            let shown: String = reply.chars().take(SHOWN_CHARACTERS).collect();
+            let dots = if shown.len() < reply.len() { "..." } else { "" };
+            write!(f, "; the reply reads {shown:?}{dots}")?;
+        }
+        if !tried.is_empty() {
+            write!(f, ". Tried: {}", tried.join(", "))?;
+        }
+        let (questions, are) = (output::counted(*left, "question"), output::agreeing(*left, "is", "are"));
+        write!(
+            f,
+            ". {questions} {are} not answered; the answers so far are recorded ({spent}). docs/models.md says which models \
+             and options suit"
+        )
+    }
 }
 
 /// A segment without a recorded answer.

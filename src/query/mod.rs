@@ -21,7 +21,7 @@ pub use answer::labels::{LabelSet, LabelsError};
 pub use ask::queries::{Queries, ViewInput};
 pub use ask::run::{Preview, Run};
 pub use ask::size::{Size, SizeAnswer, SizeOutcome, SizeQuery};
-pub use error::{MissingSegment, QueryError};
+pub use error::{InVain, MissingSegment, QueryError};
 pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
 pub use question::prompt::{PromptError, Prompts};
 pub use question::segment_query::SegmentQuery;

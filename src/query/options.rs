@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::config::SceneKey;
 use crate::config::option_values::{self, Domain, OptionError, from_to};
 use crate::query::answer::labels::LabelSet;
+use crate::query::ask::cost::UsdPerMtok;
 pub use crate::query::question::sheet::Context;
 
 /// Longest side of a sheet in pixels: three 512-pixel panels in a row, the tile size that vision models bill by.
@@ -164,6 +165,12 @@ pub struct Options {
     #[arg(long, value_name = "USD", allow_negative_numbers = true, value_parser = usd)]
     #[serde(skip)]
     pub max_usd: Option<f64>,
+
+    /// Price of the model in US dollars per million tokens, read and written: 0 if it costs nothing, or two numbers, such as
+    /// 0.30,2.50 [default: that of the price table; nothing for a model on this machine that the table does not have]
+    #[arg(long, value_name = "USD[,USD]", value_parser = UsdPerMtok::parse)]
+    #[serde(skip)]
+    pub price: Option<UsdPerMtok>,
 
     /// Price table that replaces the built-in one (CSV with the columns of prompts/prices.csv)
     #[arg(long, value_name = "FILE", value_parser = option_values::file())]

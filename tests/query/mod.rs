@@ -13,6 +13,8 @@ mod cost;
 mod echoes;
 // Export of questions, import of answers.
 mod exchange;
+// Servers that fail in every way: how often they are asked, and what is said.
+mod failures;
 // The fields of a request: those of --lmm-body, and those that limit its tokens.
 mod fields;
 // The form for people.

@@ -99,9 +99,19 @@ pub trait Asker: Sync {
         Ok(())
     }
 
-    /// Tells the user, before the first request of a run, where the pictures are sent, how many there are and what they
-    /// may cost.
-    fn announce(&self, _pictures: usize, _cost: &Cost) {}
+    /// The most requests that this many questions may take, if replies have to be corrected or requests repeated.
+    fn most_requests(&self, questions: usize) -> usize {
+        2 * questions
+    }
+
+    /// Tells the user, before the first request of a round, where the pictures are sent, how many there are, how many
+    /// requests there will be at most, and what they cost if each brings a usable reply.
+    fn announce(&self, _pictures: usize, _most_requests: usize, _cost: &Cost) {}
+
+    /// What was tried so far to get usable replies, for people.
+    fn tried(&self) -> Vec<&'static str> {
+        Vec::new()
+    }
 
     /// Waits for the answer. Every request has its own entry in the account.
     fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError>;

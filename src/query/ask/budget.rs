@@ -4,6 +4,9 @@
 //! request may cost. The entry is closed with the outcome of the request. Anything that the server may have billed
 //! counts, an answer that was lost on the way as much as one that arrived; the reservation is released only if the
 //! request was certainly not billed.
+//!
+//! No more requests are sent than were announced. The budget also counts how many in a row brought nothing: a server from
+//! which nothing usable comes is not asked on and on.
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
@@ -26,6 +29,14 @@ struct Books {
     spent: Spent,
     reserved_usd: f64,
     is_closed: bool,
+    /// Requests sent, whether billed or not.
+    sent: usize,
+    /// The most that may be sent; `None` if there was no announcement.
+    announced: Option<usize>,
+    /// Requests in a row that ended without a usable reply.
+    in_vain: usize,
+    /// True once there was a usable reply.
+    is_proven: bool,
 }
 
 /// The requests sent and their cost.
@@ -56,6 +67,8 @@ impl std::fmt::Display for Spent {
 pub enum NotSent {
     #[error("the next request might exceed the budget")]
     Budget,
+    #[error("all requests that were announced are sent")]
+    Announced,
     #[error("the run sends no more requests")]
     Closed,
 }
@@ -99,6 +112,29 @@ impl Budget {
         Account { budget: self, cost }
     }
 
+    /// Permits this many more requests, and no others.
+    pub fn announce(&self, requests: usize) {
+        let mut books = self.books();
+        books.announced = Some(books.sent + requests);
+    }
+
+    /// Notes that a reply could be used.
+    pub fn note_usable_reply(&self) {
+        let mut books = self.books();
+        books.in_vain = 0;
+        books.is_proven = true;
+    }
+
+    /// How many requests in a row ended without a usable reply.
+    pub fn in_vain(&self) -> usize {
+        self.books().in_vain
+    }
+
+    /// True if there was a usable reply.
+    pub fn is_proven(&self) -> bool {
+        self.books().is_proven
+    }
+
     /// Permits no further request.
     pub fn close(&self) {
         self.books().is_closed = true;
@@ -107,6 +143,11 @@ impl Budget {
     /// True if no further request may be sent.
     pub fn is_closed(&self) -> bool {
         self.books().is_closed
+    }
+
+    /// Requests sent so far, whether billed or not.
+    pub fn sent(&self) -> usize {
+        self.books().sent
     }
 
     /// The amount spent so far.
@@ -137,7 +178,7 @@ impl<'a> Account<'a> {
     /// Reserves a request's highest cost.
     ///
     /// # Errors
-    /// If it might exceed the budget, or the budget is closed.
+    /// If it might exceed the budget or was not announced, or the budget is closed.
     pub fn open(&self) -> Result<Entry<'a>, NotSent> {
         let Self { budget, cost } = *self;
         let mut books = budget.books();
@@ -147,6 +188,10 @@ impl<'a> Account<'a> {
         if books.might_pass(budget.max_usd, cost.most_usd) {
             return Err(NotSent::Budget);
         }
+        if books.announced.is_some_and(|announced| books.sent >= announced) {
+            return Err(NotSent::Announced);
+        }
+        books.sent += 1;
         books.reserved_usd += cost.most_usd.unwrap_or(0.0);
         Ok(Entry { budget, cost, is_open: true })
     }
@@ -172,7 +217,9 @@ impl Entry<'_> {
     /// Closes the entry of a request that was certainly not billed.
     pub fn not_billed(mut self) {
         self.is_open = false;
-        self.budget.books().reserved_usd -= self.cost.most_usd.unwrap_or(0.0);
+        let mut books = self.budget.books();
+        books.reserved_usd -= self.cost.most_usd.unwrap_or(0.0);
+        books.in_vain += 1;
     }
 
     fn bill(&mut self, usage: Option<Usage>, unanswered: usize) {
@@ -181,6 +228,7 @@ impl Entry<'_> {
         let usage = usage.unwrap_or(Usage { input_tokens, output_tokens });
         let mut books = self.budget.books();
         books.reserved_usd -= most_usd.unwrap_or(0.0);
+        books.in_vain += 1;
         books.spent.requests += 1;
         books.spent.unanswered += unanswered;
         books.spent.usage = books.spent.usage.plus(usage);

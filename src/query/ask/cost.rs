@@ -38,6 +38,13 @@ pub struct Price {
     pub source: String,
 }
 
+/// A price in US dollars per million tokens, as an option gives it.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct UsdPerMtok {
+    pub input: f64,
+    pub output: f64,
+}
+
 /// How many tokens a picture takes, as OpenAI's guide to images describes it for its models.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ImageTokens {
@@ -101,7 +108,29 @@ impl PriceTable {
     }
 }
 
+impl UsdPerMtok {
+    /// One number for both, or two with a comma between them.
+    pub(in crate::query) fn parse(text: &str) -> Result<Self, String> {
+        let number = |text: &str| text.trim().parse().ok().filter(|usd: &f64| usd.is_finite() && *usd >= 0.0);
+        let (input, output) = text.split_once(',').unwrap_or((text, text));
+        let price = number(input).zip(number(output)).map(|(input, output)| Self { input, output });
+        price.ok_or_else(|| "not a price; give US dollars per million tokens, such as 0 or 0.30,2.50".to_owned())
+    }
+}
+
 impl Price {
+    /// The price of a model of which nothing else is known.
+    pub fn new(model: &str, UsdPerMtok { input, output }: UsdPerMtok) -> Self {
+        Self {
+            model: model.to_owned(),
+            input_usd_per_mtok: input,
+            output_usd_per_mtok: output,
+            image_tokens: ImageTokens::UNKNOWN,
+            as_of: String::new(),
+            source: String::new(),
+        }
+    }
+
     /// The price of this usage in US dollars.
     pub fn usd(&self, usage: Usage) -> f64 {
         (usage.input_tokens as f64 * self.input_usd_per_mtok + usage.output_tokens as f64 * self.output_usd_per_mtok)

@@ -9,7 +9,7 @@ use super::cost::Cost;
 use super::queries::Queries;
 use super::size::{Size, SizeQuery};
 use crate::query::answer::{Problem, Unknown};
-use crate::query::error::QueryError;
+use crate::query::error::{InVain, QueryError};
 use crate::query::options::AnswerSource;
 use crate::query::question::segment_query::SegmentQuery;
 use crate::query::question::{Question, Reading};
@@ -31,6 +31,14 @@ pub struct Live<'a> {
 pub enum Stop {
     /// The next request might exceed the budget.
     Budget,
+    /// The next request was not announced.
+    Announced,
+    /// Too many requests in a row brought no usable reply.
+    InVain {
+        last: Failure,
+        /// The text of the last reply, if there was one.
+        reply: Option<String>,
+    },
     Endpoint(String),
     Error(QueryError),
 }
@@ -41,6 +49,9 @@ impl Stop {
         matches!(self, Self::Error(QueryError::Unkept { .. }))
     }
 }
+
+/// So many requests in a row without a usable reply are enough to stop: the next would bring none either.
+const MOST_IN_VAIN: usize = 5;
 
 /// Reads a response.
 type Read<'r, R> = dyn Fn(&str, Unknown) -> Result<R, Problem> + 'r;
@@ -106,6 +117,11 @@ impl<'a> Live<'a> {
         match stop {
             Stop::Error(error) => error,
             Stop::Endpoint(message) => QueryError::Endpoint { message, left, spent },
+            Stop::Announced => QueryError::Announced { requests: self.budget.sent(), left, spent },
+            Stop::InVain { last, reply } => {
+                let (requests, tried) = (self.budget.in_vain(), self.asker.tried());
+                QueryError::InVain(Box::new(InVain { requests, last, reply, tried, left, spent }))
+            }
             Stop::Budget => QueryError::BudgetSpent {
                 max_usd: self.queries.options.max_usd.unwrap_or(f64::INFINITY),
                 spent_usd: spent.usd.unwrap_or(0.0),
@@ -122,9 +138,11 @@ impl<'a> Live<'a> {
         if let Some(reading) = self.answered_meanwhile(&asked, read)? {
             return Ok(reading);
         }
-        let checked = self.ask_and_correct(segment, question, read)?;
-        let reading = checked.reading.map_err(|problem| Halt::Segment(problem.failure))?;
+        let checked = self.ask_and_correct(segment, question, read).map_err(|halt| self.unless_in_vain(halt, None))?;
         let ModelReply { text, served_model, usage } = checked.reply;
+        let reading =
+            checked.reading.map_err(|problem| self.unless_in_vain(Halt::Segment(problem.failure), Some(&text)))?;
+        self.budget.note_usable_reply();
         self.record(&Recording::new(self.asker.answerer(), asked, text, served_model, usage))?;
         Ok(reading)
     }
@@ -179,6 +197,16 @@ impl<'a> Live<'a> {
         Halt::All(Stop::Error(error.into()))
     }
 
+    /// Stops all asking if a failure, with this reply, is one of many in a row.
+    fn unless_in_vain(&self, halt: Halt, reply: Option<&str>) -> Halt {
+        match halt {
+            Halt::Segment(last) if self.budget.in_vain() >= MOST_IN_VAIN => {
+                Halt::All(Stop::InVain { last, reply: reply.map(str::to_owned) })
+            }
+            halt => halt,
+        }
+    }
+
     /// Asks one question; a response that cannot be used is sent back once with the reason.
     fn ask_and_correct<R>(
         &self,
@@ -194,6 +222,9 @@ impl<'a> Live<'a> {
         let prompt = self.queries.prompts.correction(&problem.reason).map_err(|e| Halt::All(Stop::Error(e.into())))?;
         // It was paid for, and may be better than nothing.
         let of_first = read(&first.text, Unknown::TakeNearest);
+        if of_first.is_err() && self.budget.in_vain() >= MOST_IN_VAIN {
+            return Ok(CheckedReply { reading: of_first, reply: first });
+        }
         let correction = Correction { response: &first.text, prompt: &prompt };
         let second = match self.ask(segment, question, Some(correction)) {
             Err(_) if of_first.is_ok() => return Ok(CheckedReply { reading: of_first, reply: first }),
@@ -223,6 +254,7 @@ impl<'a> Live<'a> {
             AskError::Fatal(message) => Halt::All(Stop::Endpoint(message)),
             AskError::Offline(offline) => Halt::All(Stop::Endpoint(offline.to_string())),
             AskError::NotSent(NotSent::Budget) => Halt::All(Stop::Budget),
+            AskError::NotSent(NotSent::Announced) => Halt::All(Stop::Announced),
             AskError::NotSent(NotSent::Closed) => Halt::Closed,
         })?;
         match content {

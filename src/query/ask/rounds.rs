@@ -1,5 +1,5 @@
 //! The order of the questions: every part is asked about in a few views first, in more of them while the answers
-//! disagree, and piece by piece if it consists of several materials.
+//! disagree, and piece by piece if it consists of several materials. A question without an answer is no disagreement.
 
 use std::collections::BTreeMap;
 
@@ -23,6 +23,9 @@ pub struct Subject {
     /// The pieces to ask about instead if it consists of several materials.
     pub pieces: Vec<Subject>,
 }
+
+/// A part or piece about which this many questions were asked without any answer is not asked about again.
+const MOST_UNANSWERED: usize = 3;
 
 /// A piece is asked about in one view, unless that answer fails: a part has up to a dozen pieces, and it is already known
 /// from the answers about the part that they differ.
@@ -82,7 +85,8 @@ impl Subject {
             if !open.is_empty() {
                 return open;
             }
-            if agree(&answers(targets(), outcomes)) {
+            let answers = answers(targets(), outcomes);
+            if agree(&answers) || (answers.is_empty() && count >= MOST_UNANSWERED) {
                 break;
             }
         }
@@ -164,7 +168,13 @@ mod tests {
             "all views are spent"
         );
         assert!(due(&part, &[oak, failed(), failed()]).is_empty(), "one answer is better than none");
-        assert_eq!(due(&part, &[failed(), failed(), failed()]), [0]);
+        assert!(due(&part, &[failed(), failed(), failed()]).is_empty(), "no answer is no disagreement");
+        let piece = |given: usize| {
+            let outcomes: Vec<Outcome> = std::iter::repeat_with(failed).take(given).collect();
+            let of_piece = part.views.iter().map(|&view| Target { view, id: part.id }).zip(&outcomes);
+            part.due(VIEWS_OF_PIECE, &of_piece.collect()).len()
+        };
+        assert_eq!([piece(0), piece(1), piece(2), piece(3)], [1, 1, 1, 0], "three views at most without an answer");
     }
 
     #[test]

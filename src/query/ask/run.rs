@@ -155,7 +155,7 @@ impl Queries<'_> {
                 let cost = self.cost_of_size(budget.price());
                 check_budget(&cost, asker.answerer(), budget)?;
                 recordings.check_writable()?;
-                asker.announce(1, &cost);
+                announce(asker, 1, &cost, budget);
                 let live = Live { queries: self, recordings, asker, budget, progress };
                 let asked = live.size(query).map_err(|stop| live.error(stop, 1))?;
                 asked.map_or_else(SizeOutcome::Failed, SizeOutcome::Answered)
@@ -180,6 +180,7 @@ impl Queries<'_> {
         let mut answer = None;
         check_ready(asker, sorted.open.len())?;
         recordings.check_writable()?;
+        budget.announce(asker.most_requests(self.questions.longest_chain().len()));
         let live = Live { queries: self, recordings, asker, budget, progress: Progress::Hidden };
         ask_all(&live, std::slice::from_ref(first), &mut |_, outcome| answer = Some(outcome))?;
         Ok(answer.map(|outcome| (self.segments[first.index].asked(first.question), outcome)))
@@ -232,7 +233,7 @@ impl Queries<'_> {
                 let cost = self.cost_of(&sorted.open, budget.price());
                 check_budget(&cost, asker.answerer(), budget)?;
                 recordings.check_writable()?;
-                asker.announce(sorted.open.len(), &cost);
+                announce(asker, sorted.open.len(), &cost, budget);
             }
         }
         for (index, outcome) in sorted.answered {
@@ -323,54 +324,95 @@ fn check_budget(cost: &Cost, answerer: &Answerer, budget: &Budget) -> Result<(),
     }
 }
 
+/// Tells how many requests there will be at most, and sees to it.
+fn announce(asker: &dyn Asker, pictures: usize, cost: &Cost, budget: &Budget) {
+    let most = asker.most_requests(cost.requests);
+    budget.announce(most);
+    asker.announce(pictures, most, cost);
+}
+
 /// Checks that the asker can be asked about `segments` open segments.
 fn check_ready(asker: &dyn Asker, segments: usize) -> Result<(), QueryError> {
     asker.ready().map_err(|error| QueryError::NotReady { error, segments })
 }
 
-/// Asks about all open segments with as many threads as the asker allows; `keep` gets each outcome on this thread as it
-/// arrives.
+/// What came of asking about several segments.
+#[derive(Default)]
+struct Asking {
+    answered: usize,
+    stop: Option<Stop>,
+}
+
+impl Asking {
+    /// Passes on an outcome. Of the reasons to stop, the first is reported, but a paid answer that could not be saved takes
+    /// precedence.
+    fn take(&mut self, live: &Live, told: Told, keep: &mut dyn FnMut(usize, Outcome)) {
+        match told.outcome {
+            Ok(Some(outcome)) => {
+                self.answered += 1;
+                keep(told.index, outcome);
+            }
+            Ok(None) => {}
+            Err(reason) => {
+                live.budget.close();
+                if self.stop.as_ref().is_none_or(|stop: &Stop| reason.is_unkept() && !stop.is_unkept()) {
+                    self.stop = Some(reason);
+                }
+            }
+        }
+    }
+}
+
+/// What came of asking about the open segment of this index.
+struct Told {
+    index: usize,
+    outcome: Result<Option<Outcome>, Stop>,
+}
+
+impl Told {
+    fn of(live: &Live, open: &Open) -> Self {
+        let outcome = live.answer(&live.queries.segments[open.index], open.question, open.so_far);
+        Self { index: open.index, outcome }
+    }
+}
+
+/// Asks about all open segments; `keep` gets each outcome on this thread as it arrives. Until the server has given a usable
+/// reply, one question is asked at a time: the form of request that a server accepts, and that it is of no use, are found
+/// out once and not by every thread.
 fn ask_all(live: &Live, open: &[Open], keep: &mut dyn FnMut(usize, Outcome)) -> Result<(), QueryError> {
-    let next = AtomicUsize::new(0);
-    let (sender, receiver) = mpsc::channel();
-    let mut answered = 0;
-    let mut stop = None;
+    let mut asking = Asking::default();
+    let mut rest = open;
+    while !live.budget.is_proven()
+        && !live.budget.is_closed()
+        && let Some((first, others)) = rest.split_first()
+    {
+        asking.take(live, Told::of(live, first), keep);
+        rest = others;
+    }
+    ask_in_parallel(live, rest, &mut asking, keep);
+    match asking.stop {
+        None => Ok(()),
+        Some(stop) => Err(live.error(stop, open.len() - asking.answered)),
+    }
+}
+
+/// Asks with as many threads as the asker allows.
+fn ask_in_parallel(live: &Live, open: &[Open], asking: &mut Asking, keep: &mut dyn FnMut(usize, Outcome)) {
+    let (next, (sender, receiver)) = (AtomicUsize::new(0), mpsc::channel());
     std::thread::scope(|scope| {
         for _ in 0..live.asker.parallel().max(1).min(open.len()) {
-            let sender = sender.clone();
-            let next = &next;
+            let (sender, next) = (sender.clone(), &next);
             scope.spawn(move || {
                 while !live.budget.is_closed()
                     && let Some(open) = open.get(next.fetch_add(1, Ordering::Relaxed))
                 {
-                    let outcome = live.answer(&live.queries.segments[open.index], open.question, open.so_far);
-                    if sender.send((open.index, outcome)).is_err() {
+                    if sender.send(Told::of(live, open)).is_err() {
                         return;
                     }
                 }
             });
         }
         drop(sender);
-        for (index, outcome) in receiver {
-            match outcome {
-                Ok(Some(outcome)) => {
-                    answered += 1;
-                    keep(index, outcome);
-                }
-                Ok(None) => {}
-                Err(reason) => {
-                    live.budget.close();
-                    // The first reason is reported, but a paid answer that could not be saved takes precedence.
-                    if stop.as_ref().is_none_or(|told: &Stop| reason.is_unkept() && !told.is_unkept()) {
-                        stop = Some(reason);
-                    }
-                }
-            }
-        }
+        receiver.into_iter().for_each(|told| asking.take(live, told, keep));
     });
-    let left = open.len() - answered;
-    match stop {
-        None => Ok(()),
-        Some(stop) => Err(live.error(stop, left)),
-    }
 }

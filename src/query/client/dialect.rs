@@ -67,11 +67,26 @@ enum Detail {
     Unsent,
 }
 
+/// How many plainer formats there are than the first.
+pub const PLAINER_FORMATS: usize = 2;
+/// The most requests that find out which other parameters are refused: two names of the limit, the second of which is tried with
+/// every format again, the temperature, the detail.
+pub const OTHER_PARAMETERS: usize = 6;
+
 /// DashScope refuses `json_object` unless this word is somewhere in the messages.
 const JSON: &str = "JSON";
 const SAY_JSON: &str = "Answer in JSON.";
 
 impl Dialect {
+    /// How it asks for a structured answer, for people.
+    pub fn format(self) -> &'static str {
+        match self.format {
+            Format::JsonSchema => "with a JSON schema",
+            Format::JsonObject => "as any JSON object",
+            Format::Text => "as JSON, in the prompt alone",
+        }
+    }
+
     /// The strictest form that the server at `host` may accept: OpenAI and Azure are known not to take both limits.
     pub fn of_host(host: &str) -> Self {
         let is_openai = host == "api.openai.com" || host.ends_with(".openai.azure.com");

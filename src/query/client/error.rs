@@ -9,7 +9,9 @@ use super::fields::FieldsProblem;
 pub enum ClientError {
     #[error("--lmm-url {url:?} is not an http or https URL; give the server's base, such as https://api.openai.com/v1")]
     Url { url: String },
-    #[error("--lmm-url contains a user name or a password; give the server's key in the environment instead, in OPENAI_API_KEY or the variable that --lmm-key-env names")]
+    #[error(
+        "--lmm-url contains a user name or a password; give the server's key in the environment instead, in OPENAI_API_KEY or the variable that --lmm-key-env names"
+    )]
     Credentials,
     #[error("--lmm-url contains a fragment (#...), which is never sent to a server; leave it out")]
     Fragment,
@@ -19,7 +21,9 @@ pub enum ClientError {
     NoUrl,
     #[error("the key in {variable} contains characters that no key has")]
     Key { variable: String },
-    #[error("--lmm-key-env: {variable} is not set or is empty; give the name of the environment variable that holds the server's key")]
+    #[error(
+        "--lmm-key-env: {variable} is not set or is empty; give the name of the environment variable that holds the server's key"
+    )]
     NoKey { variable: String },
     #[error("--lmm-body {path:?}: {problem}")]
     Fields { path: PathBuf, problem: FieldsProblem },

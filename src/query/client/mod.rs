@@ -71,6 +71,8 @@ pub struct Client {
     longest_wait: Duration,
     /// The form of requests that the server is known to accept.
     dialect: Mutex<Dialect>,
+    /// The ways in which an answer was asked for so far, for people.
+    tried: Mutex<Vec<&'static str>>,
     http: reqwest::Client,
     runtime: Runtime,
 }
@@ -142,6 +144,7 @@ impl Client {
             parallel: options.lmm_parallel,
             retries: options.lmm_retries,
             longest_wait: Duration::from_secs(options.lmm_wait_s),
+            tried: Mutex::default(),
             http,
             runtime,
         }))
@@ -167,14 +170,17 @@ impl Client {
     pub fn announce_submission(&self, pictures: usize, cost: &Cost) {
         let pictures = counted(pictures, "picture");
         progress::notice(&format!(
-            "sending {pictures} to {} through the Batch API, starting at once: {cost} ({})",
+            "sending {pictures} to {} through the Batch API, the first at once, for which there may be up to {}: {cost} ({})",
             self.name(),
-            self.budget()
+            counted(self.most_requests(1), "request"),
+            self.budget(cost)
         ));
     }
 
-    fn budget(&self) -> String {
+    fn budget(&self, cost: &Cost) -> String {
         match self.max_usd {
+            Some(_) if cost.most_usd == Some(0.0) => "nothing is charged, so --max-usd counts nothing".to_owned(),
+            None if cost.most_usd == Some(0.0) => "nothing is charged".to_owned(),
             Some(max_usd) => format!("at most {max_usd} USD, as set by --max-usd"),
             None => "no limit set by --max-usd".to_owned(),
         }
@@ -215,6 +221,10 @@ impl Client {
     }
 
     async fn send(&self, dialect: Dialect, ask: Ask<'_>, account: &Account<'_>) -> Result<Reply, Attempt> {
+        self.note(dialect.format());
+        if ask.correction.is_some() {
+            self.note("with a correction");
+        }
         let body = dialect.body(&self.settings, ask);
         let url = self.address.chat_completions();
         let request = || self.http.post(url.clone()).header(CONTENT_TYPE, "application/json").json(&body);
@@ -232,6 +242,14 @@ impl Client {
             result
         };
         self.repeat(self.retries, attempt, || account.is_closed()).await
+    }
+
+    /// Notes a way in which an answer is asked for.
+    fn note(&self, way: &'static str) {
+        let mut tried = self.tried.lock().unwrap_or_else(PoisonError::into_inner);
+        if !tried.contains(&way) {
+            tried.push(way);
+        }
     }
 
     /// Sends a request without an entry in the budget and applies `read` to its response of at most `most_bytes`;
@@ -329,7 +347,9 @@ impl Client {
         let Attempt::KeyRefused { message } = failure else { return failure };
         let variable = &self.key_variable;
         let message = match &self.key {
-            None => format!("{message}; set {variable} to a key for this server, or name its variable with --lmm-key-env"),
+            None => {
+                format!("{message}; set {variable} to a key for this server, or name its variable with --lmm-key-env")
+            }
             Some(_) => format!(
                 "{message}; is the key in {variable} one for this server, and does it expect the key in another header \
                  (--lmm-key-header)?"
@@ -352,9 +372,22 @@ impl Asker for Client {
         Ok(self.network?)
     }
 
-    fn announce(&self, pictures: usize, cost: &Cost) {
-        let pictures = counted(pictures, "picture");
-        progress::notice(&format!("asking {} about {pictures}: {cost} ({})", self.name(), self.budget()));
+    fn most_requests(&self, questions: usize) -> usize {
+        // As asked first and as corrected, in plainer forms, and again after failures.
+        let for_one = 2 + dialect::PLAINER_FORMATS + self.retries as usize;
+        questions * for_one + dialect::OTHER_PARAMETERS
+    }
+
+    fn announce(&self, pictures: usize, most_requests: usize, cost: &Cost) {
+        let (pictures, most) = (counted(pictures, "picture"), counted(most_requests, "request"));
+        let (name, budget) = (self.name(), self.budget(cost));
+        progress::notice(&format!(
+            "asking {name} about {pictures}: up to {most}; if all replies are usable, {cost} ({budget})"
+        ));
+    }
+
+    fn tried(&self) -> Vec<&'static str> {
+        self.tried.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError> {
@@ -366,6 +399,12 @@ impl Asker for Client {
 fn name(model: &str, address: &Address) -> String {
     let proxy = proxy::of(address.url()).map_or_else(String::new, |proxy| format!(" through the proxy {proxy}"));
     format!("{model} at {}{proxy}", address.host())
+}
+
+/// True if the options name a server on this machine.
+pub fn is_on_this_machine(options: &Options) -> bool {
+    let address = options.lmm_url.as_deref().and_then(|url| Address::parse(url).ok());
+    address.is_some_and(|address| proxy::is_this_machine(address.url()))
 }
 
 /// The model, its server and the proxy that the options and the environment name, for display. `None` without `--lmm-url`.

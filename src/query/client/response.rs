@@ -99,8 +99,6 @@ pub async fn body(response: &mut Response, most_bytes: usize, route: &Route) -> 
     Ok(bytes)
 }
 
-}
-
 /// The failure that an unsuccessful status stands for.
 pub fn failure(received: &Received) -> Attempt {
     let Received { status, headers, body } = received;
