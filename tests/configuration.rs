@@ -13,7 +13,7 @@ use crate::run::gprop;
 use crate::support::skipped;
 
 /// Keys that no scene may set, each with a value that its option accepts.
-const REFUSED: [(&str, &str); 28] = [
+const REFUSED: [(&str, &str); 29] = [
     ("ort-lib", "\"lib.so\""),
     ("ort_lib", "\"lib.so\""),
     ("sam-encoder", "\"encoder.onnx\""),

@@ -34,6 +34,8 @@ mod peers;
 // The whole program with a server: keys, kills, prices, exit codes, one picture.
 mod program;
 mod prompts;
+// The recipes of docs/models.md.
+mod recipes;
 mod recordings;
 // The dialects of vLLM, Ollama, llama.cpp, DashScope.
 mod servers;

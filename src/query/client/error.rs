@@ -21,10 +21,6 @@ pub enum ClientError {
     NoUrl,
     #[error("the key in {variable} contains characters that no key has")]
     Key { variable: String },
-    #[error(
-        "--lmm-key-env: {variable} is not set or is empty; give the name of the environment variable that holds the server's key"
-    )]
-    NoKey { variable: String },
     #[error("--lmm-body {path:?}: {problem}")]
     Fields { path: PathBuf, problem: FieldsProblem },
     #[error("cannot set up the HTTP client: {0}")]

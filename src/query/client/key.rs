@@ -18,11 +18,10 @@ pub struct ApiKey {
 }
 
 impl ApiKey {
-    /// The key in the variable that the options name; `None` if they name none and `OPENAI_API_KEY` is unset or empty, as
-    /// for servers that need no key.
+    /// The key in the variable that the options name; `None` if it is unset or empty, as for servers that need no key.
     ///
     /// # Errors
-    /// If the variable that they name is unset, or holds no key.
+    /// If it holds no key.
     pub fn from_environment(options: &Options) -> Result<Option<Self>, ClientError> {
         let variable = options.key_variable();
         let no_key = || ClientError::Key { variable: shown(variable) };
@@ -31,14 +30,11 @@ impl ApiKey {
             Err(VarError::NotPresent) => String::new(),
             Err(VarError::NotUnicode(_)) => return Err(no_key()),
         };
-        if !secret.is_empty() {
-            let name = options.lmm_key_header.as_ref().unwrap_or(&AUTHORIZATION);
-            return Self::in_header(&secret, name).map(Some).ok_or_else(no_key);
+        if secret.is_empty() {
+            return Ok(None);
         }
-        match &options.lmm_key_env {
-            Some(_) if options.lmm_url.is_some() => Err(ClientError::NoKey { variable: shown(variable) }),
-            _ => Ok(None),
-        }
+        let name = options.lmm_key_header.as_ref().unwrap_or(&AUTHORIZATION);
+        Self::in_header(&secret, name).map(Some).ok_or_else(no_key)
     }
 
     /// A key that is sent as most servers expect it: `Authorization: Bearer KEY`. `None` if it contains characters that no

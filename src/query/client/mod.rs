@@ -56,6 +56,8 @@ use trust::Trust;
 pub struct Client {
     address: Address,
     key: Option<ApiKey>,
+    /// True if the user named a variable for the key, and it holds none.
+    misses_key: bool,
     /// The environment variable from which the key is read, for messages.
     key_variable: String,
     route: Route,
@@ -134,6 +136,7 @@ impl Client {
             dialect: Mutex::new(Dialect::of_host(&address.host())),
             route: Route::new(&address, unread),
             address,
+            misses_key: key.is_none() && options.lmm_key_env.is_some(),
             key,
             key_variable: key::shown(options.key_variable()),
             network,
@@ -369,7 +372,14 @@ impl Asker for Client {
     }
 
     fn ready(&self) -> Result<(), AskError> {
-        Ok(self.network?)
+        self.network?;
+        if self.misses_key {
+            let variable = &self.key_variable;
+            let problem =
+                "is not set or is empty; give the name of the environment variable that holds the server's key";
+            return Err(AskError::Fatal(format!("--lmm-key-env: {variable} {problem}")));
+        }
+        Ok(())
     }
 
     fn most_requests(&self, questions: usize) -> usize {
