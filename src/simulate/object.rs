@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use super::rigid::body::{Body, Moments, State, Velocities};
 use super::rigid::contact::Ground;
-use super::rigid::coupling::{self, Guest, Joints, Moving};
+use super::rigid::coupling::{self, Guest, Joints, Meeting, Moving};
 use super::rigid::face::Face;
 use crate::mpm::boundary::Boundary;
 use crate::mpm::in_order::InOrder;
@@ -227,10 +227,10 @@ impl Object {
             self.solver.take(guided);
         }
         self.solver.scatter(dt);
-        let meeting = (&self.guests[..], &self.bodies[..], &moving[..]);
+        let meeting = Meeting { bodies: &self.bodies, guests: &self.guests, moving: &moving };
         let is_led = |body: usize| given[body].is_some();
-        let steps = (self.spacing_m.into(), dt_s);
-        let joints = coupling::join(&self.solver, meeting, is_led, self.gravity_m_s2, steps);
+        let spacing_m = f64::from(self.spacing_m);
+        let joints = coupling::join(&self.solver, meeting, is_led, self.gravity_m_s2, spacing_m, dt_s);
         accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), (starts, given), &joints);
         joints.carry(&mut self.solver, &self.bodies);
         let gathered = self.solver.gather(dt);

@@ -169,14 +169,24 @@ pub struct Joints {
     pub impulses: Vec<Impulse>,
 }
 
-/// Joins the `bodies` with the nodes that their guests reach, halfway through a substep of `dt_s` that the bodies began
-/// with the motions `moving`. Gravity does not act on bodies that are `led`.
+/// The bodies as a substep finds them.
+pub struct Meeting<'a> {
+    pub bodies: &'a [Body],
+    /// Their particles that hold nodes for them.
+    pub guests: &'a [Guest],
+    /// By body: the motion with which it began the substep.
+    pub moving: &'a [Moving],
+}
+
+/// Joins the bodies with the nodes that their guests reach, halfway through a substep of `dt_s`. Gravity does not act on
+/// bodies that are `led`.
 pub fn join(
     solver: &Solver,
-    (guests, bodies, moving): (&[Guest], &[Body], &[Moving]),
+    Meeting { bodies, guests, moving }: Meeting,
     led: impl Fn(usize) -> bool,
     gravity_m_s2: Vector3<f64>,
-    (spacing_m, dt_s): (f64, f64),
+    spacing_m: f64,
+    dt_s: f64,
 ) -> Joints {
     let (shares, others) = shares(solver, guests, bodies);
     let free = |body: usize, arm: &Vector3<f64>| {
