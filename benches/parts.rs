@@ -50,7 +50,7 @@ fn labelled(gaussians: &Gaussians) -> MaterialField {
     let label_at = |x: f32| u32::from(x < 0.1) + u32::from(x < -0.075);
     let count = gaussians.len();
     MaterialField {
-        labels: vec![label(0, 7850.0), label(1, 800.0), label(2, 1200.0)],
+        labels: vec![label(1, 7850.0), label(2, 800.0), label(3, 1200.0)],
         part_label: gaussians.positions.iter().map(|position| label_at(position[0])).collect(),
         confidence: vec![1.0; count],
         votes: vec![1.0; count],

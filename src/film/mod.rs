@@ -132,7 +132,7 @@ impl FromStr for Size {
     type Err = String;
 
     /// `WIDTHxHEIGHT`.
-    fn from_str(text: &str) -> Result<Self, String> {
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
         let sides = text.split_once('x').and_then(|(width, height)| Some([width.parse().ok()?, height.parse().ok()?]));
         let fits = |side: u32| (SHORTEST_SIDE..=LONGEST_SIDE).contains(&side) && side.is_multiple_of(2);
         match sides {
