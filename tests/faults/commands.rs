@@ -9,7 +9,7 @@ use crate::batch::ball::Balls;
 use crate::run::gprop;
 
 /// A name that creates the file `X` wherever a shell reads it unquoted or in double quotes.
-const EVIL: &str = "a$(touch X)`touch X`;touch X;'\u{202e}";
+const EVIL: &str = "a$(touch X)`touch X`b;touch X;'\u{202e}";
 
 /// The commands between backticks in a message, as far as they begin with `begin`.
 fn suggested<'a>(message: &'a str, begin: &str) -> Vec<&'a str> {

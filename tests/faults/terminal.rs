@@ -166,7 +166,7 @@ fn names_of_materials() {
         let built_in = include_str!("../../materials/wood.csv");
         assert!(built_in.contains("\nwood,afrormosia,"));
         fs::write(&table, built_in.replacen(",afrormosia,", &format!(",{evil},"), 1)).unwrap();
-        let output = gprop().args(["materials", "check"]).arg(&table).output().unwrap();
+        let output = gprop().args(["materials", "check", "--materials"]).arg(&table).output().unwrap();
         assert_shown(&output, "control the display or cannot be seen");
     }
 }
