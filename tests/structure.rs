@@ -1,6 +1,6 @@
 //! The layout of the source: data moves one way, so no import may lead back.
 //!
-//! Imports are read from the text of each crate: `use` lines and paths in the code, followed through re-exports to the file
+//! Imports are read from the text of the crate: `use` lines and paths in the code, followed through re-exports to the file
 //! that defines the name. Not counted are code under `#[cfg(test)]`, the name of a module on its own, and imports
 //! from the `mod.rs` of a folder that contains the file: a folder's `mod.rs` defines the items that its files share,
 //! and calls them.
@@ -31,29 +31,22 @@ struct Source(BTreeMap<ModulePath, Module>);
 /// The folder of the table of stages.
 const TABLE: &str = "pipeline/stages/";
 
-/// The source of gprop and of its inner loops.
-const CRATES: [&str; 1] = ["src"];
-
 #[test]
 fn no_files_import_each_other_in_a_circle() {
-    for root in CRATES {
-        let circles = circles(&Source::read(root).imports());
-        assert!(circles.is_empty(), "files in {root} that import each other:\n{}", circles.join("\n"));
-    }
+    let circles = circles(&Source::read().imports());
+    assert!(circles.is_empty(), "files that import each other:\n{}", circles.join("\n"));
 }
 
 #[test]
 fn no_rooms_import_each_other_in_a_circle() {
-    for root in CRATES {
-        let circles = circles(&rooms(&Source::read(root).imports()));
-        assert!(circles.is_empty(), "rooms in {root} that import each other:\n{}", circles.join("\n"));
-    }
+    let circles = circles(&rooms(&Source::read().imports()));
+    assert!(circles.is_empty(), "rooms that import each other:\n{}", circles.join("\n"));
 }
 
 /// The room of a stage (its folder below `src/`) and its file in the table of stages import only those of earlier ones.
 #[test]
 fn no_stage_imports_a_later_one() {
-    let files = Source::read("src").imports();
+    let files = Source::read().imports();
     let stages: Vec<String> = Stage::all().iter().map(|stage| stage.name()).collect();
     let is_of = |file: &str, stage: &String| room(file) == *stage || file == format!("{TABLE}{stage}.rs");
     for (n, stage) in stages.iter().enumerate() {
@@ -69,7 +62,7 @@ fn no_stage_imports_a_later_one() {
 /// The pipeline calls the stages; no stage calls the pipeline, or reads its keys and records.
 #[test]
 fn no_stage_imports_the_pipeline() {
-    let source = Source::read("src");
+    let source = Source::read();
     let files = source.imports();
     for (file, imports) in files.iter().filter(|(file, _)| file.starts_with(TABLE)) {
         for of_pipeline in ["builder", "plan", "record", "run", "stored"] {
@@ -79,67 +72,6 @@ fn no_stage_imports_the_pipeline() {
     }
     for module in source.0.values().filter(|module| module.file.starts_with(TABLE)) {
         assert!(!module.tokens.iter().any(|token| token == "Pipeline"), "{} names the pipeline", module.file);
-    }
-}
-
-/// `anyhow` is for the program, which adds context; every other room has typed errors.
-#[test]
-fn only_the_program_uses_anyhow() {
-    const PROGRAM: [&str; 5] = ["batch", "cli", "error", "exit", "pipeline"];
-    for module in Source::read("src").0.values().filter(|module| !PROGRAM.contains(&&*room(&module.file))) {
-        assert!(!module.tokens.iter().any(|token| token == "anyhow"), "{} uses anyhow", module.file);
-    }
-}
-
-/// Ground truth is for measuring: only `gprop evaluate` may know where it lies. Comments may mention it.
-#[test]
-fn only_the_evaluation_knows_of_ground_truth() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let evaluates = |file: &str| file.starts_with("evaluate/") || file.starts_with("cli/evaluate/");
-    let (mut within, mut found) = (0, Vec::new());
-    for file in rust_files(&folder) {
-        let text = fs::read_to_string(folder.join(&file)).unwrap();
-        let code = text.lines().filter(|line| !line.trim_start().starts_with("//"));
-        let lines = code.filter(|line| line.contains("ground_truth")).count();
-        if evaluates(&file) {
-            within += lines;
-        } else if lines > 0 {
-            found.push(file);
-        }
-    }
-    assert!(within > 0, "the evaluation names the folder");
-    assert_eq!(found, Vec::<String>::new());
-}
-
-/// A text can only be displayed; a typed error can be distinguished, counted and tested. clap requires texts from value
-/// parsers.
-#[test]
-fn no_error_is_a_string_but_a_value_parsers() {
-    let source = Source::read("src");
-    let parsers: BTreeSet<&str> = source.0.values().flat_map(|module| value_parsers(&module.tokens)).collect();
-    for module in source.0.values().filter(|module| module.file != "values.rs") {
-        for owner in owners_of_string_errors(&module.tokens) {
-            assert!(parsers.contains(owner), "{}: {owner} has an error that is a String", module.file);
-        }
-    }
-}
-
-#[test]
-fn the_reader_of_errors_sees_strings() {
-    let text = "fn parse(text: &str) -> Result<Vec<(u8, String)>, String> {} fn go() -> Result<String, Broken> {} \
-                type Line = (u8, Result<u8, String>); #[arg(value_parser = Set::parse, default_value_t = 1)]";
-    assert_eq!(owners_of_string_errors(&tokens(text)), ["parse", "Line"]);
-    assert_eq!(value_parsers(&tokens(text)), ["parse"]);
-}
-
-#[test]
-fn a_module_with_a_folder_is_the_folders_mod_rs() {
-    for root in CRATES.into_iter().chain(["tests"]) {
-        for file in rust_files(&Path::new(env!("CARGO_MANIFEST_DIR")).join(root)) {
-            let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join(root).join(file.trim_end_matches(".rs"));
-            let only_mod_rs = !folder.is_dir() || file == "tests.rs";
-            assert!(only_mod_rs, "{root}/{file} stands beside its folder; it belongs inside, as mod.rs");
-        }
     }
 }
 
@@ -166,8 +98,8 @@ fn the_reader_of_imports_sees_circles() {
 }
 
 impl Source {
-    fn read(root: &str) -> Self {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(root);
+    fn read() -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
         let mut files = rust_files(&root);
         files.retain(|file| file != "main.rs");
         Self::of(files.into_iter().map(|file| (file.clone(), fs::read_to_string(root.join(&file)).unwrap())).collect())
@@ -237,49 +169,6 @@ impl Source {
         }
         None
     }
-}
-
-/// The names of the functions that parse options.
-fn value_parsers(tokens: &[String]) -> Vec<&str> {
-    let starts =
-        (0..tokens.len()).filter(|&n| tokens[n] == "value_parser" && tokens.get(n + 1).is_some_and(|t| t == "="));
-    let is_path = |token: &&String| *token == "::" || token.chars().all(|c| c.is_alphanumeric() || c == '_');
-    starts.filter_map(|start| tokens[start + 2..].iter().take_while(is_path).last()).map(String::as_str).collect()
-}
-
-/// The owner of each `Result<_, String>`: the function, type, field or binding whose name comes last before it.
-fn owners_of_string_errors(tokens: &[String]) -> Vec<&str> {
-    let mut owner = "";
-    let mut found = Vec::new();
-    for (n, token) in tokens.iter().enumerate() {
-        if ["fn", "type", "struct", "enum"].contains(&token.as_str()) {
-            owner = tokens.get(n + 1).map_or("", String::as_str);
-        }
-        if token == "Result"
-            && tokens.get(n + 1).is_some_and(|next| next == "<")
-            && error_type(&tokens[n + 2..]) == ["String"]
-        {
-            found.push(owner);
-        }
-    }
-    found
-}
-
-/// The second type between the brackets that were opened before `tokens`; none if there is only one.
-fn error_type(tokens: &[String]) -> &[String] {
-    let (mut depth, mut start) = (0, None);
-    for (n, token) in tokens.iter().enumerate() {
-        match token.as_str() {
-            "<" | "(" | "[" => depth += 1,
-            // The arrow of a function's type closes nothing.
-            ">" if n > 0 && tokens[n - 1] == "-" => {}
-            ">" if depth == 0 => return start.map_or(&[], |start: usize| &tokens[start..n]),
-            ">" | ")" | "]" => depth -= 1,
-            "," if depth == 0 && start.is_none() => start = Some(n + 1),
-            _ => {}
-        }
-    }
-    &[]
 }
 
 /// Every file below `folder` that ends in `.rs`, with slashes, sorted.
