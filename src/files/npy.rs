@@ -1,6 +1,8 @@
 //! NumPy's file format for an array (NPY), versions 1 to 3: a magic string, the version, the length of the header, the
 //! header, and the elements one after the other. The header is a Python dictionary, as in
 //! `{'descr': '<f4', 'fortran_order': False, 'shape': (2, 3), }`.
+//!
+//! Read here and not by a library, because a broken file must be an error: `npyz` 0.9 multiplies the sizes of a shape unchecked.
 
 use std::io::{self, BufWriter, Write};
 
