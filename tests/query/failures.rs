@@ -81,12 +81,12 @@ fn a_server_that_always_fails_is_asked_a_handful_of_times_and_its_failure_is_tol
 #[test]
 fn what_may_have_been_billed_stays_within_max_usd_however_a_server_fails() {
     // Enough for two requests of the highest cost and a half.
-    let max_usd = Some(2.5 * (1000.0 * 2.5e-6 + 2000.0 * 10e-6));
+    let limit = 2.5 * (1000.0 * 2.5e-6 + 2000.0 * 10e-6);
     for Case { name, response, .. } in cases() {
         let server = Server::new(move |_, _, _| response.clone());
-        let (result, budget) = ask_about_twelve(&Options { lmm_retries: 2, max_usd, ..server.options() });
+        let (result, budget) = ask_about_twelve(&Options { lmm_retries: 2, max_usd: Some(limit), ..server.options() });
         assert!(result.is_err(), "{name}");
-        assert!(budget.spent().usd.unwrap() <= max_usd.unwrap(), "{name}: {:?}", budget.spent());
+        assert!(budget.spent().usd.unwrap() <= limit, "{name}: {:?}", budget.spent());
         assert_eq!(budget.sent(), server.requests().len(), "{name}: every request is in the books");
     }
 }
