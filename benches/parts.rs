@@ -48,16 +48,8 @@ fn label(id: u32, density_kg_m3: f64) -> FieldLabel {
 /// Head, handle and grip, separated by their position along the handle.
 fn labelled(gaussians: &Gaussians) -> MaterialField {
     let label_at = |x: f32| u32::from(x < 0.1) + u32::from(x < -0.075);
-    let count = gaussians.len();
-    MaterialField {
-        labels: vec![label(1, 7850.0), label(2, 800.0), label(3, 1200.0)],
-        part_label: gaussians.positions.iter().map(|position| label_at(position[0])).collect(),
-        confidence: vec![1.0; count],
-        votes: vec![1.0; count],
-        views: vec![1; count],
-        warnings: Vec::new(),
-        notes: Vec::new(),
-    }
+    let labels = vec![label(1, 7850.0), label(2, 800.0), label(3, 1200.0)];
+    MaterialField::known(labels, gaussians.positions.iter().map(|position| label_at(position[0])).collect())
 }
 
 fn bench(criterion: &mut Criterion) {

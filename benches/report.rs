@@ -38,16 +38,8 @@ fn bench(criterion: &mut Criterion) {
     let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
     let map =
         LabelMap { width, height, labels: (0..width * height).map(|pixel| (pixel % width / 64) as u16).collect() };
-    let count = scene.gaussians.len();
-    let field = MaterialField {
-        labels: (1..=3).map(label).collect(),
-        part_label: (0..count as u32).map(|i| i % 3).collect(),
-        confidence: vec![1.0; count],
-        votes: vec![1.0; count],
-        views: vec![1; count],
-        warnings: Vec::new(),
-        notes: Vec::new(),
-    };
+    let part_label = (0..scene.gaussians.len() as u32).map(|i| i % 3).collect();
+    let field = MaterialField::known((1..=3).map(label).collect(), part_label);
     let draw = || ViewPictures::draw(view, &map, &scene.gaussians, &field).expect("the photo is there");
     criterion.bench_function("report/view", |bencher| bencher.iter(|| black_box(draw())));
 }

@@ -74,7 +74,7 @@ fn answers(names: &[String]) -> Answers {
         segment,
         outcome: Outcome::Answered(answer.clone()),
     };
-    Answers { segments: names.iter().flat_map(|view| [segment(view, 1), segment(view, 2)]).collect() }
+    Answers::new(names.iter().flat_map(|view| [segment(view, 1), segment(view, 2)]).collect())
 }
 
 /// Counts weights above zero and does nothing else with them: the least that any vote must do.

@@ -4,26 +4,113 @@ use std::fmt;
 
 use thiserror::Error as ThisError;
 
+/// What kind of failure an error is. The program's exit code follows from it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+#[non_exhaustive]
+pub enum ErrorKind {
+    /// Wrong usage or configuration: options, `gprop.toml`, an unwritable folder, no ffmpeg for an MP4.
+    Usage,
+    /// The scene's data is bad or missing.
+    Scene,
+    /// ONNX Runtime or a model is missing or broken.
+    Model,
+    /// An answer is missing: it is not recorded and no server is named, the model refused, or the budget is spent.
+    Answer,
+    /// Part of a batch failed.
+    Batch,
+    /// The run was cancelled.
+    Cancelled,
+    /// A bug in gprop.
+    Bug,
+}
+
+/// An error that knows its kind.
+pub trait Kinded: std::error::Error + Send + Sync + 'static {
+    fn kind(&self) -> ErrorKind;
+
+    /// True if its text lists several problems, one on each line.
+    fn is_list(&self) -> bool {
+        false
+    }
+}
+
 /// Why a [`Pipeline`](crate::Pipeline) failed, in the program's words: what failed, where, why, and the remedy.
-/// [`kind`](Self::kind) is the exit code with which the program would end.
-pub struct Error(pub(crate) anyhow::Error);
+///
+/// It can only be made from an error that [knows its kind](Kinded), so every failure has one.
+pub struct Error {
+    kind: ErrorKind,
+    is_list: bool,
+    /// How many of the texts at the beginning of the chain say where it happened.
+    contexts: usize,
+    chain: anyhow::Error,
+}
+
+/// A result of a function of the program.
+pub type Result<T, E = Error> = std::result::Result<T, E>;
 
 impl Error {
+    /// What kind of failure it is.
+    pub fn kind(&self) -> ErrorKind {
+        self.kind
+    }
+
     /// The first cause that is a `T`, such as [`SceneError`](crate::scene::SceneError).
     pub fn downcast_ref<T: std::error::Error + 'static>(&self) -> Option<&T> {
-        self.0.chain().find_map(|cause| cause.downcast_ref())
+        self.chain.chain().find_map(|cause| cause.downcast_ref())
+    }
+
+    /// The error as a `T`, if it is one.
+    ///
+    /// # Errors
+    /// The error itself if it is not.
+    pub(crate) fn downcast<T: std::error::Error + Send + Sync + 'static>(self) -> Result<T> {
+        self.chain.downcast().map_err(|chain| Self { chain, ..self })
+    }
+
+    /// The error, with where it happened.
+    #[must_use]
+    pub(crate) fn context(self, place: impl fmt::Display + Send + Sync + 'static) -> Self {
+        Self { contexts: self.contexts + 1, chain: self.chain.context(place), ..self }
+    }
+
+    /// The texts of the error and its causes, outermost first, each with whether it lists several problems.
+    pub(crate) fn texts(&self) -> impl Iterator<Item = (String, bool)> {
+        let is_list = |at: usize| self.is_list && at == self.contexts;
+        self.chain.chain().enumerate().map(move |(at, cause)| (cause.to_string(), is_list(at)))
+    }
+}
+
+impl<E: Kinded> From<E> for Error {
+    fn from(error: E) -> Self {
+        Self { kind: error.kind(), is_list: error.is_list(), contexts: 0, chain: error.into() }
+    }
+}
+
+/// Says where an error happened.
+pub(crate) trait Context<T> {
+    fn context(self, place: impl fmt::Display + Send + Sync + 'static) -> Result<T>;
+    fn with_context<C: fmt::Display + Send + Sync + 'static>(self, place: impl FnOnce() -> C) -> Result<T>;
+}
+
+impl<T, E: Into<Error>> Context<T> for Result<T, E> {
+    fn context(self, place: impl fmt::Display + Send + Sync + 'static) -> Result<T> {
+        self.map_err(|error| error.into().context(place))
+    }
+
+    fn with_context<C: fmt::Display + Send + Sync + 'static>(self, place: impl FnOnce() -> C) -> Result<T> {
+        self.map_err(|error| error.into().context(place()))
     }
 }
 
 impl fmt::Display for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&message(&self.0))
+        f.write_str(&joined(self.texts().map(|(text, _)| text)))
     }
 }
 
 impl fmt::Debug for Error {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        fmt::Debug::fmt(&self.0, f)
+        fmt::Debug::fmt(&self.chain, f)
     }
 }
 
@@ -35,9 +122,10 @@ impl std::error::Error for Error {}
 #[error("{0}")]
 pub struct UsageError(pub String);
 
-/// An error in one line: what failed, then each cause that is not yet part of the text.
-pub fn message(error: &anyhow::Error) -> String {
-    joined(error.chain().map(ToString::to_string))
+impl Kinded for UsageError {
+    fn kind(&self) -> ErrorKind {
+        ErrorKind::Usage
+    }
 }
 
 /// Joins the texts of an error and its causes, outermost first; a cause that is already part of the text is left out.
@@ -51,16 +139,30 @@ pub fn joined(causes: impl Iterator<Item = String>) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::message;
-    use crate::workdir::WorkDirError;
+    use super::*;
+
+    #[derive(Debug, ThisError)]
+    #[error("no room: {0}")]
+    struct NoRoom(#[source] std::io::Error);
+
+    impl Kinded for NoRoom {
+        fn kind(&self) -> ErrorKind {
+            ErrorKind::Model
+        }
+    }
 
     #[test]
-    fn a_cause_is_told_once() {
-        let source = std::io::Error::other("no room");
-        let error = anyhow::Error::from(WorkDirError::Write { path: "a".into(), source });
-        let text = error.to_string();
-        assert!(text.contains("no room"), "{text}");
-        assert_eq!(message(&error.context("scene 7")), format!("scene 7: {text}"));
-        assert_eq!(message(&anyhow::anyhow!("left").context("right")), "right: left");
+    fn a_cause_is_told_once_and_a_place_first() {
+        let error = Error::from(NoRoom(std::io::Error::other("the disk is full")));
+        assert_eq!(error.to_string(), "no room: the disk is full");
+        let placed = Err::<(), _>(error).context("scene 7").unwrap_err();
+        assert_eq!(placed.to_string(), "scene 7: no room: the disk is full");
+        assert!(placed.kind() == ErrorKind::Model && placed.downcast_ref::<NoRoom>().is_some());
+    }
+
+    #[test]
+    fn an_error_of_another_type_is_given_back() {
+        let error = Error::from(UsageError("no".to_owned())).downcast::<NoRoom>().unwrap_err();
+        assert!(error.kind() == ErrorKind::Usage && error.downcast::<UsageError>().is_ok());
     }
 }

@@ -1,9 +1,9 @@
-//! The exit codes and the errors that lead to them, all in one place.
+//! The exit codes, and the kind of every typed error, from which the exit code follows.
 
 use crate::batch::BatchError;
 use crate::config::ConfigError;
 use crate::config::option_values::OptionError;
-use crate::error::{self, Error, UsageError};
+use crate::error::{Error, ErrorKind, Kinded, joined};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::grasp::OutcomesError;
 use crate::evaluate::masks::MasksError;
@@ -11,7 +11,7 @@ use crate::evaluate::simulation::SimulationError;
 use crate::export::ExportError;
 use crate::film::FilmError;
 use crate::grasp::GraspError;
-use crate::inspect::NotAligned;
+use crate::inspect::{InspectError, NotAligned};
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
 use crate::query::ask::cost::PriceError;
@@ -19,14 +19,16 @@ use crate::query::client::ClientError;
 use crate::query::exchange::ExchangeError;
 use crate::query::recorded::RecordingError;
 use crate::query::{LabelsError, PromptError, QueryError};
+use crate::report::PictureError;
 use crate::scene::SceneError;
 use crate::scene::splat::ply::PlyError;
-use crate::segment::SegmentError;
 use crate::segment::formats::ImportError;
+use crate::segment::{LabelMapError, SegmentError};
 use crate::setup::SetupError;
 use crate::simulate::SimulateError;
 use crate::vote::VoteError;
 use crate::words::output;
+use crate::words::progress::Cancelled;
 use crate::workdir::WorkDirError;
 
 /// The exit codes of gprop. The numbers are part of the command-line contract.
@@ -47,97 +49,144 @@ pub enum Exit {
     Batch = 6,
     /// A bug in gprop.
     Bug = 70,
+    /// The run was cancelled; the code of programs that an interrupt ends.
+    Cancelled = 130,
 }
 
-impl Error {
-    /// The kind of the error: the exit code with which the program would end.
-    pub fn kind(&self) -> Exit {
-        of(&self.0)
+impl From<ErrorKind> for Exit {
+    fn from(kind: ErrorKind) -> Self {
+        match kind {
+            ErrorKind::Usage => Self::Usage,
+            ErrorKind::Scene => Self::Scene,
+            ErrorKind::Model => Self::Model,
+            ErrorKind::Answer => Self::Answer,
+            ErrorKind::Batch => Self::Batch,
+            ErrorKind::Cancelled => Self::Cancelled,
+            ErrorKind::Bug => Self::Bug,
+        }
     }
-}
-
-/// The exit code of an error: that of the first typed error in its chain. An error without a type is a bug.
-pub fn of(error: &anyhow::Error) -> Exit {
-    // Each stage's errors include those of its options.
-    if error.chain().any(<dyn std::error::Error>::is::<OptionError>) {
-        return Exit::Usage;
-    }
-    error.chain().find_map(code).unwrap_or(Exit::Bug)
 }
 
 /// The text of an error: what failed, then each cause that is not yet part of the text. One line, except for errors
 /// that list several problems.
-pub fn message(error: &anyhow::Error) -> String {
-    error::joined(error.chain().map(text_of))
+pub fn message(error: &Error) -> String {
+    joined(error.texts().map(|(text, is_list)| {
+        if is_list { output::harmless(&text).into_owned() } else { output::one_line(&text).into_owned() }
+    }))
 }
 
-fn text_of(cause: &(dyn std::error::Error + 'static)) -> String {
-    if let Some(error) = cause.downcast_ref::<Error>() {
-        return message(&error.0);
-    }
-    let lists = matches!(
-        cause.downcast_ref(),
-        Some(QueryError::Missing { .. } | QueryError::MissingSize { .. } | QueryError::Import { .. })
-    ) || matches!(cause.downcast_ref(), Some(BatchError::Incomplete { .. }));
-    let text = cause.to_string();
-    if lists { output::harmless(&text).into_owned() } else { output::one_line(&text).into_owned() }
+/// Error types of which every error is of one kind.
+macro_rules! kinds {
+    ($($kind:ident: $($error:ty),+;)+) => {
+        $($(impl Kinded for $error {
+            fn kind(&self) -> ErrorKind {
+                ErrorKind::$kind
+            }
+        })+)+
+    };
 }
 
-fn code(cause: &(dyn std::error::Error + 'static)) -> Option<Exit> {
-    if let Some(error) = cause.downcast_ref::<Error>() {
-        return Some(error.kind());
+kinds! {
+    Usage: ConfigError, WorkDirError, LibraryError, PromptError, LabelsError, PriceError, ClientError, ExchangeError,
+        EvaluateError, MasksError, OutcomesError, SimulationError, SimulateError, GraspError, FilmError, OptionError,
+        clap::Error;
+    Scene: NotAligned, ImportError, PlyError;
+    Model: SetupError;
+    Answer: RecordingError;
+    Cancelled: Cancelled;
+    // What gprop itself made and could not write or read.
+    Bug: std::io::Error, std::string::FromUtf8Error, serde_json::Error, toml::ser::Error, image::ImageError,
+        LabelMapError;
+}
+
+impl Kinded for SceneError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::UnknownView { .. } | Self::Option(_) => ErrorKind::Usage,
+            _ => ErrorKind::Scene,
+        }
     }
-    if let Some(SceneError::UnknownView { .. }) = cause.downcast_ref() {
-        return Some(Exit::Usage);
+}
+
+impl Kinded for InspectError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Scene(error) => error.kind(),
+            Self::Page(error) => error.kind(),
+        }
     }
-    if let Some(ExportError::Scale(_) | ExportError::NoMass | ExportError::NoShape) = cause.downcast_ref() {
-        return Some(Exit::Scene);
+}
+
+impl Kinded for PictureError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Photo(error) => error.kind(),
+            Self::Encode(error) => error.kind(),
+        }
     }
-    if let Some(BatchError::Incomplete { .. }) = cause.downcast_ref() {
-        return Some(Exit::Batch);
+}
+
+impl Kinded for SegmentError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Option(_) => ErrorKind::Usage,
+            _ => ErrorKind::Model,
+        }
     }
-    if let Some(QueryError::Prompt(_)) = cause.downcast_ref() {
-        return Some(Exit::Usage);
+}
+
+impl Kinded for VoteError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Option(_) => ErrorKind::Usage,
+            _ => ErrorKind::Scene,
+        }
     }
-    let exits: [(Exit, &[bool]); 4] = [
-        (
-            Exit::Usage,
-            &[
-                cause.is::<UsageError>(),
-                cause.is::<BatchError>(),
-                cause.is::<ConfigError>(),
-                cause.is::<WorkDirError>(),
-                cause.is::<LibraryError>(),
-                cause.is::<PromptError>(),
-                cause.is::<LabelsError>(),
-                cause.is::<PriceError>(),
-                cause.is::<ClientError>(),
-                cause.is::<ExchangeError>(),
-                cause.is::<EvaluateError>(),
-                cause.is::<MasksError>(),
-                cause.is::<OutcomesError>(),
-                cause.is::<SimulationError>(),
-                cause.is::<SimulateError>(),
-                cause.is::<GraspError>(),
-                cause.is::<ExportError>(),
-                cause.is::<FilmError>(),
-            ],
-        ),
-        (
-            Exit::Scene,
-            &[
-                cause.is::<SceneError>(),
-                cause.is::<NotAligned>(),
-                cause.is::<ImportError>(),
-                cause.is::<PlyError>(),
-                cause.is::<VoteError>(),
-                cause.is::<PartsError>(),
-            ],
-        ),
-        (Exit::Model, &[cause.is::<SetupError>(), cause.is::<SegmentError>()]),
-        (Exit::Answer, &[cause.is::<QueryError>(), cause.is::<RecordingError>()]),
-    ];
-    exits.into_iter().find(|(_, found)| found.contains(&true)).map(|(exit, _)| exit)
+}
+
+impl Kinded for PartsError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Option(_) => ErrorKind::Usage,
+            _ => ErrorKind::Scene,
+        }
+    }
+}
+
+impl Kinded for QueryError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Prompt(_) | Self::Option(_) => ErrorKind::Usage,
+            Self::Cancelled(_) => ErrorKind::Cancelled,
+            _ => ErrorKind::Answer,
+        }
+    }
+
+    fn is_list(&self) -> bool {
+        matches!(self, Self::Missing { .. } | Self::MissingSize { .. } | Self::Import { .. })
+    }
+}
+
+impl Kinded for ExportError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Scale(_) | Self::NoMass | Self::NoShape => ErrorKind::Scene,
+            _ => ErrorKind::Usage,
+        }
+    }
+}
+
+impl Kinded for BatchError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Incomplete { .. } => ErrorKind::Batch,
+            _ => ErrorKind::Usage,
+        }
+    }
+
+    fn is_list(&self) -> bool {
+        matches!(self, Self::Incomplete { .. })
+    }
 }
 
 /// Makes a panic end the process with [`Exit::Bug`] and a request to report it.
@@ -152,22 +201,23 @@ pub fn report_panics_as_bugs() {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::error::UsageError;
 
     #[test]
     fn a_prompt_file_that_cannot_be_used_is_wrong_usage_wherever_it_shows() {
         let error = || PromptError::Schema { file: "answer.schema.json".to_owned(), problem: "it is []".to_owned() };
-        assert_eq!(of(&error().into()), Exit::Usage);
-        assert_eq!(of(&QueryError::from(error()).into()), Exit::Usage);
+        assert_eq!(error().kind(), ErrorKind::Usage);
+        assert_eq!(QueryError::from(error()).kind(), ErrorKind::Usage);
     }
 
     #[test]
     fn a_missing_ffmpeg_is_no_bug() {
-        assert_eq!(of(&anyhow::Error::from(FilmError::NoFfmpeg).context("film.mp4")), Exit::Usage);
+        assert_eq!(Error::from(FilmError::NoFfmpeg).context("film.mp4").kind(), ErrorKind::Usage);
     }
 
     #[test]
     fn only_lists_have_lines_of_their_own() {
-        let forged = anyhow::Error::from(UsageError("bad name: a\x1b[2J\nerror: forged".to_owned())).context("scene 7");
+        let forged = Error::from(UsageError("bad name: a\x1b[2J\nerror: forged".to_owned())).context("scene 7");
         assert_eq!(message(&forged), r"scene 7: bad name: a\u001b[2J\nerror: forged");
         let failed = vec![("a\nb".to_owned(), "no\x07 splat\nhere".to_owned())];
         let list = BatchError::Incomplete { scenes: 2, failed, missing: vec!["c".to_owned()] };

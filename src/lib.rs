@@ -7,35 +7,43 @@
 //! have not run yet:
 //!
 //! ```
-//! # use gprop::setup;
-//! # use gprop::words::progress::Progress;
-//! # // Without SAM there is nothing to show.
-//! # if setup::obtain(&setup::Options::default(), Progress::Hidden).is_err() {
-//! #     assert!(std::env::var_os("GPROP_NO_SKIP").is_none(), "no SAM, and GPROP_NO_SKIP is set");
-//! #     return Ok::<(), Box<dyn std::error::Error>>(());
+//! # fn copy(from: &std::path::Path, to: &std::path::Path) -> std::io::Result<()> {
+//! #     std::fs::create_dir_all(to)?;
+//! #     for entry in std::fs::read_dir(from)?.flatten() {
+//! #         let (from, to) = (entry.path(), to.join(entry.file_name()));
+//! #         if from.is_dir() { copy(&from, &to)? } else { std::fs::copy(&from, &to).map(drop)? }
+//! #     }
+//! #     Ok(())
 //! # }
-//! let work = tempfile::tempdir()?;
-//! let mut options = gprop::Options::of_scene("fixtures/hammer")?;
-//! // Two of its views and coarse volumes, to be quick.
-//! options.scene.view_list = vec!["003".into(), "022".into()];
-//! options.parts.volume_cells = 100_000;
-//! let mut pipeline = gprop::Pipeline::builder("fixtures/hammer").out(&work).options(options).open()?;
-//! let parts = pipeline.parts()?;
-//! for part in &parts.parts {
-//!     if let Some(mass) = part.mass_kg {
-//!         println!("{}, {}: {:.3} kg ({:.3} to {:.3})", part.caption, part.material, mass.mid, mass.low, mass.high);
-//!     }
+//! # // The hammer, with two of its views and coarse volumes, to be quick.
+//! # let home = tempfile::tempdir().unwrap();
+//! # copy("fixtures/hammer".as_ref(), &home.path().join("my_scene")).unwrap();
+//! # std::env::set_current_dir(&home).unwrap();
+//! # let quick = "scale = \"metric\"\nview-list = \"003,022\"\nvolume-cells = 100000";
+//! # std::fs::write("my_scene/gprop.toml", quick).unwrap();
+//! # // Without SAM there is nothing to show.
+//! # if gprop::Pipeline::open("my_scene")?.segments().is_err() {
+//! #     assert!(std::env::var_os("GPROP_NO_SKIP").is_none(), "no SAM, and GPROP_NO_SKIP is set");
+//! #     return Ok(());
+//! # }
+//! let mut pipeline = gprop::Pipeline::open("my_scene")?;
+//! for part in &pipeline.parts()?.parts {
+//!     println!("{} of {}: {:?} kg", part.caption, part.material, part.mass_kg);
 //! }
-//! assert!((0.2..2.0).contains(&parts.object.mass_kg.mid));
-//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! # assert!((0.2..2.0).contains(&pipeline.parts()?.object.mass_kg.mid));
+//! # Ok::<(), gprop::Error>(())
 //! ```
+//!
+//! Results can be held together, and for longer than the pipeline: each is an [`Arc`](std::sync::Arc).
 //!
 //! Nothing leaves the machine unless it is asked for. ONNX Runtime would send telemetry; gprop keeps it from the network, and
 //! if the environment has `ORT_DISABLE_TELEMETRY=1` when your `main` starts other threads, it does not even try
 //! ([`setup::NO_TELEMETRY`]).
 //!
-//! The stages can also be called one by one, on values in memory: each module below has a function for its own stage
-//! ([`vote::vote`], [`parts::parts`], [`simulate::simulate`], [`grasp::grasp`]).
+//! [`Pipeline::builder`] sets the work folder and the [`Options`], passes [progress](Event) to a function of yours, and
+//! takes a [token](CancelToken) that cancels the run. [`results`] describes what the stages find, [`options`] what can be
+//! set for each. An [`Error`] has a [kind](ErrorKind). Everything else that is public serves the program and its tests,
+//! and may change in any version.
 //!
 //! # How it is built
 //! Data moves to the right only; [`pipeline`] alone knows all the stages:
@@ -67,42 +75,80 @@
 #[cfg(not(unix))]
 compile_error!("gprop runs on Linux and macOS");
 
+#[doc(hidden)]
 pub mod batch;
+#[doc(hidden)]
 pub mod camera;
 mod cli;
+#[doc(hidden)]
 pub mod config;
+#[doc(hidden)]
 pub mod consensus;
+#[doc(hidden)]
 pub mod error;
+#[doc(hidden)]
 pub mod evaluate;
+#[doc(hidden)]
 pub mod exit;
+#[doc(hidden)]
 pub mod export;
+#[doc(hidden)]
 pub mod files;
+#[doc(hidden)]
 pub mod film;
+#[doc(hidden)]
 pub mod from_splat;
+#[doc(hidden)]
 pub mod gaussians;
+#[doc(hidden)]
 pub mod grasp;
+#[doc(hidden)]
 pub mod inspect;
+#[doc(hidden)]
 pub mod lettering;
+#[doc(hidden)]
 pub mod materials;
+#[doc(hidden)]
 pub mod mpm;
+#[doc(hidden)]
 pub mod numeric;
+pub mod options;
+#[doc(hidden)]
 pub mod parts;
+#[doc(hidden)]
 pub mod pictures;
+#[doc(hidden)]
 pub mod pipeline;
+#[doc(hidden)]
 pub mod query;
+#[doc(hidden)]
 pub mod render;
+#[doc(hidden)]
 pub mod report;
+pub mod results;
+#[doc(hidden)]
 pub mod sam;
+#[doc(hidden)]
 pub mod scene;
+#[doc(hidden)]
 pub mod segment;
+#[doc(hidden)]
 pub mod setup;
+#[doc(hidden)]
 pub mod simd;
+#[doc(hidden)]
 pub mod simulate;
+#[doc(hidden)]
 pub mod units;
+#[doc(hidden)]
 pub mod vote;
+#[doc(hidden)]
 pub mod words;
+#[doc(hidden)]
 pub mod workdir;
 
+#[doc(hidden)]
 pub use cli::{command, main};
-pub use error::Error;
-pub use pipeline::{Builder, Options, Pipeline};
+pub use error::{Error, ErrorKind};
+pub use pipeline::{Builder, Options, Pipeline, Plan, Preset, Stage};
+pub use words::progress::{CancelToken, Event, Progress, StageNumber};

@@ -3,24 +3,28 @@
 use std::any::TypeId;
 use std::fs;
 use std::num::NonZeroUsize;
+use std::sync::{Arc, Mutex};
 
 use clap::{Arg, Args, Command};
-use gprop::exit::Exit;
 use gprop::gaussians::bounds::Bounds;
 use gprop::grasp::GraspError;
 use gprop::parts::PartsError;
-use gprop::pipeline::{Plan, Stage};
 use gprop::scene::{ObjectBox, ScaleChoice};
-use gprop::{Options, Pipeline};
+use gprop::{CancelToken, ErrorKind, Event, Options, Pipeline, Plan, Stage};
 use nalgebra::Point3;
 
 use crate::batch::ball::Balls;
 use crate::batch::contents;
+use crate::query::{a, good_answer};
 use crate::run::gprop;
 
 /// The options of the first ball with the server that answers, and a short simulation.
 fn options(balls: &Balls) -> Options {
-    let mut options = Options::of_scene(balls.scene(0)).unwrap();
+    options_of(balls, 0)
+}
+
+fn options_of(balls: &Balls, number: usize) -> Options {
+    let mut options = Options::of_scene(balls.scene(number)).unwrap();
     let [_, url, _, model] = balls.answers();
     (options.query.lmm_url, options.query.lmm_model) = (Some(url), Some(model));
     (options.simulate.grid, options.simulate.frames, options.simulate.duration) = (16, 4, Some(0.04));
@@ -38,11 +42,9 @@ fn results_do_what_they_need() {
     assert_eq!(pipeline.segments().unwrap().views.len(), 3);
     assert!(!work.join("answers.jsonl").exists(), "only what was asked for");
     assert_eq!(pipeline.answers().unwrap().segments.len(), 6);
-    let field = pipeline.field().unwrap();
+    let (field, parts) = (pipeline.field().unwrap(), pipeline.parts().unwrap());
     assert_eq!((field.part_label.len(), field.confidence.len()), (200, 200));
-    let labels = field.labels.len();
-    let parts = pipeline.parts().unwrap();
-    assert!(parts.parts.len() <= labels && parts.object.mass_kg.mid > 0.0);
+    assert!(parts.parts.len() <= field.labels.len() && parts.object.mass_kg.mid > 0.0);
     assert!(!work.join("grasp.json").exists() && !work.join("simulation").exists());
     let grasp = pipeline.grasp().unwrap();
     assert!(grasp.f_min_n > 0.0 && !work.join("simulation").exists());
@@ -71,22 +73,88 @@ fn it_shares_its_work_folder_with_the_program() {
 }
 
 #[test]
+fn several_scenes_are_open_at_once_and_each_runs_on_a_thread_of_its_own() {
+    let balls = Balls::new(2);
+    let open = |scene| Pipeline::builder(balls.scene(scene)).options(options_of(&balls, scene)).open().unwrap();
+    let mut both = [open(0), open(1)];
+    assert_eq!(both.each_mut().map(|pipeline| pipeline.segments().unwrap().views.len()), [3, 3]);
+    let weigh = |mut pipeline: Pipeline| move || pipeline.parts().unwrap();
+    let threads = both.map(|pipeline| std::thread::spawn(weigh(pipeline)));
+    let together = threads.map(|thread| thread.join().unwrap());
+    for (scene, parts) in together.into_iter().enumerate() {
+        let out = tempfile::tempdir().unwrap();
+        let alone = Pipeline::builder(balls.scene(scene)).out(&out).options(options_of(&balls, scene)).open();
+        assert_eq!(alone.unwrap().parts().unwrap(), parts, "scene {scene}");
+    }
+}
+
+#[test]
+fn a_run_tells_its_steps_and_can_be_cancelled_and_continued() {
+    let balls = Balls::new(1);
+    let (done, steps) = (Arc::new(Mutex::new(Vec::new())), Arc::new(Mutex::new(Vec::new())));
+    let token = CancelToken::default();
+    let listener = {
+        let (done, steps, token) = (Arc::clone(&done), Arc::clone(&steps), token.clone());
+        move |event: &Event| match event {
+            Event::StageDone { name, .. } => {
+                done.lock().unwrap().push((*name).to_owned());
+                if *name == "query" {
+                    token.cancel();
+                }
+            }
+            Event::Steps { what, done, of, .. } => steps.lock().unwrap().push(((*what).to_owned(), *done, *of)),
+            _ => {}
+        }
+    };
+    let builder = || Pipeline::builder(balls.scene(0)).options(options(&balls));
+    let mut pipeline = builder().on_progress(listener).cancel_with(&token).open().unwrap();
+    let error = pipeline.parts().unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Cancelled, "{error}");
+    assert_eq!(*done.lock().unwrap(), ["scene", "segment", "consensus", "query"]);
+    assert!(steps.lock().unwrap().contains(&("query".to_owned(), 6, 6)), "{steps:?}");
+    let work = balls.scene(0).join("gprop");
+    assert!(work.join("answers.jsonl").exists() && !work.join("field.ply").exists());
+    drop(pipeline);
+    assert!(builder().open().unwrap().parts().unwrap().object.mass_kg.mid > 0.0);
+}
+
+/// The token is looked at between questions too: those that were answered are kept.
+#[test]
+fn cancelling_between_questions_keeps_the_answers() {
+    let token = CancelToken::default();
+    let cancels = token.clone();
+    let balls = Balls::asked(1, move |_| {
+        cancels.cancel();
+        good_answer(a("wood"))
+    });
+    let mut options = options(&balls);
+    options.query.lmm_parallel = 1;
+    let builder = || Pipeline::builder(balls.scene(0)).options(options.clone());
+    let error = builder().cancel_with(&token).open().unwrap().answers().unwrap_err();
+    assert_eq!(error.kind(), ErrorKind::Cancelled, "{error}");
+    let recorded = fs::read_dir(balls.scene(0).join("recorded")).unwrap().map(|entry| entry.unwrap().path());
+    let recorded = recorded.filter(|path| path.extension().is_some_and(|ending| ending == "json"));
+    assert_eq!(recorded.count(), 1, "the answer that was on its way");
+    assert_eq!(builder().open().unwrap().answers().unwrap().segments.len(), 6);
+}
+
+#[test]
 fn errors_say_what_kind_they_are() {
     let balls = Balls::new(1);
     let error = Pipeline::open(balls.folder()).err().unwrap();
-    assert_eq!(error.kind(), Exit::Scene, "{error}");
+    assert_eq!(error.kind(), ErrorKind::Scene, "{error}");
     // Nothing is recorded, and no server is named.
     let error = Pipeline::open(balls.scene(0)).unwrap().answers().unwrap_err();
-    assert_eq!(error.kind(), Exit::Answer, "{error}");
+    assert_eq!(error.kind(), ErrorKind::Answer, "{error}");
 
     let mut unscaled = options(&balls);
     unscaled.scene.scale = Options::default().scene.scale;
-    let plan = Plan { to: Stage::Parts, from: None };
+    let plan = Plan::to(Stage::Parts);
     let mut pipeline = Pipeline::builder(balls.scene(0)).options(unscaled).plan(plan).open().unwrap();
     pipeline.run().unwrap();
     for error in [pipeline.parts().unwrap_err(), pipeline.grasp().unwrap_err()] {
         assert!(matches!(error.downcast_ref(), Some(PartsError::ScaleUnknown)), "{error}");
-        assert!(error.kind() == Exit::Scene && error.to_string().contains("--scale"), "{error}");
+        assert!(error.kind() == ErrorKind::Scene && error.to_string().contains("--scale"), "{error}");
     }
 
     let file = balls.scene(0).join("gprop.toml");
@@ -97,7 +165,7 @@ fn errors_say_what_kind_they_are() {
     ] {
         fs::write(&file, line).unwrap();
         let error = Options::of_scene(balls.scene(0)).unwrap_err();
-        assert!(error.kind() == Exit::Usage && error.to_string().contains(words), "{error}");
+        assert!(error.kind() == ErrorKind::Usage && error.to_string().contains(words), "{error}");
         assert!(error.to_string().contains("gprop.toml"), "{error}");
     }
 }
@@ -180,7 +248,7 @@ fn options_that_a_caller_sets_are_checked() {
         spoil(&mut options);
         assert_eq!(options.check().expect_err(flag).flag, *flag);
         let error = Pipeline::builder(balls.scene(0)).options(options).open().err().expect(flag);
-        assert!(error.kind() == Exit::Usage && error.to_string().contains(flag), "{error}");
+        assert!(error.kind() == ErrorKind::Usage && error.to_string().contains(flag), "{error}");
     }
     assert!(!balls.scene(0).join("gprop").exists());
     let command = Options::augment_args(Command::new("gprop"));

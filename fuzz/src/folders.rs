@@ -8,8 +8,8 @@ use std::net::TcpListener;
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
 
+use gprop::ErrorKind;
 use gprop::camera::Camera;
-use gprop::exit::Exit;
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::{Options, Pipeline, Plan, Stage};
 use gprop::query::AnswerSource;
@@ -42,7 +42,7 @@ static FINISHED: LazyLock<Files> = LazyLock::new(|| {
     options.query.lmm_url = Some(format!("http://{address}/v1"));
     options.query.lmm_model = Some("fuzz".to_owned());
     options.setup.offline = false;
-    run(scene.path(), options, Plan { to: Stage::Report, from: None }).expect("nothing is wrong yet");
+    run(scene.path(), options, Plan::to(Stage::Report)).expect("nothing is wrong yet");
     let mut files = Vec::new();
     collect(scene.path(), Path::new(""), &mut files);
     files.sort();
@@ -53,7 +53,7 @@ static FINISHED: LazyLock<Files> = LazyLock::new(|| {
 pub fn scene_folder(bytes: &[u8]) {
     let mut files: Files = FINISHED.iter().filter(|(path, _)| !path.starts_with("gprop")).cloned().collect();
     change(&mut files, bytes, |_| true);
-    run_changed(&files, Plan { to: Stage::Parts, from: None });
+    run_changed(&files, Plan::to(Stage::Parts));
 }
 
 /// The work folder of a finished run, in which the simulation and everything after it are done again. Its checksums match its
@@ -62,7 +62,7 @@ pub fn finished_folder(bytes: &[u8]) {
     let mut files = FINISHED.clone();
     change(&mut files, bytes, |path| path.starts_with("gprop"));
     seal(&mut files);
-    run_changed(&files, Plan { to: Stage::Report, from: Some(Stage::Simulate) });
+    run_changed(&files, Plan::to(Stage::Report).from(Stage::Simulate));
 }
 
 fn run_changed(files: &Files, plan: Plan) {
@@ -73,7 +73,7 @@ fn run_changed(files: &Files, plan: Plan) {
         fs::write(path, bytes).expect("the folder is new");
     }
     if let Err(error) = run(scene.path(), options(scene.path()), plan) {
-        assert!(error.kind() != Exit::Bug, "{error:?}");
+        assert!(error.kind() != ErrorKind::Bug, "{error:?}");
     }
 }
 

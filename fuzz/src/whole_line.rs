@@ -156,5 +156,5 @@ fn answers() -> Answers {
         };
         (0..2).map(segment)
     };
-    Answers { segments: (0..EYES.len()).flat_map(of_view).collect() }
+    Answers::new((0..EYES.len()).flat_map(of_view).collect())
 }

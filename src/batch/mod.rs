@@ -27,6 +27,7 @@ use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use crate::error::Result;
 use crate::pipeline::{Hasher, Stage, known_flags};
 use crate::scene::dataset;
 use crate::words::output::{agreeing, counted};
@@ -119,7 +120,7 @@ impl Batch {
     /// # Errors
     /// If there is no such data set, no scene is selected, the split, the filter or the shard is invalid, or the folder
     /// for the files about the batch as a whole is a link that the user did not name.
-    pub fn new(folder: &Path, out: Option<&Path>, options: Options, task: Task) -> anyhow::Result<Self> {
+    pub fn new(folder: &Path, out: Option<&Path>, options: Options, task: Task) -> Result<Self> {
         let shard = options.shard()?;
         if out.is_none() {
             let root = folder.join(workdir::DEFAULT_NAME);
@@ -186,7 +187,7 @@ impl Batch {
     }
 
     /// The scenes of this shard with their status so far.
-    pub fn standing(&self) -> anyhow::Result<Vec<(&Selected, Standing)>> {
+    pub fn standing(&self) -> Result<Vec<(&Selected, Standing)>> {
         let known = Known::read(&self.home())?;
         Ok(self.scenes().map(|scene| (scene, self.standing_of(scene, &known).0)).collect())
     }
@@ -201,7 +202,7 @@ impl Batch {
     ///
     /// # Errors
     /// If the batch as a whole cannot continue. Scenes that failed are in the summary.
-    pub fn run(&self, tell: &mut dyn FnMut(&Outcome)) -> anyhow::Result<Summary> {
+    pub fn run(&self, tell: &mut dyn FnMut(&Outcome)) -> Result<Summary> {
         let mut ledger = Ledger::open(&self.home(), self.shard)?;
         self.skipped().for_each(|outcome| tell(&outcome));
         let known = Known::read(&self.home())?;
@@ -233,7 +234,7 @@ impl Batch {
     ///
     /// # Errors
     /// If there are no files, or they belong to different divisions into shards, or cannot be read or written.
-    pub fn merge(&self) -> anyhow::Result<Summary> {
+    pub fn merge(&self) -> Result<Summary> {
         let known = Known::read(&self.home())?;
         known.require_one_division(&self.home())?;
         let outcome = |scene: &Selected| known.of_any_task(scene, &self.key(scene));
@@ -251,7 +252,7 @@ impl Batch {
         page::write(summary, &title, &self.home())
     }
 
-    fn scheduler(&self, to: Stage) -> anyhow::Result<Scheduler> {
+    fn scheduler(&self, to: Stage) -> Result<Scheduler> {
         let mut flags = self.flags.clone();
         if let Some(max_usd) = self.max_usd {
             flags.push(format!("--max-usd={}", max_usd / self.all.len() as f64).into());

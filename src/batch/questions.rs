@@ -6,9 +6,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
-
-use crate::error;
+use crate::error::Result;
 use crate::files::write;
 use crate::pipeline::query_session::{self, QuerySession};
 use crate::pipeline::stages::asked::AskedAbout;
@@ -90,7 +88,7 @@ impl<'a> Questions<'a> {
         let shared = RefCell::new(Vec::<Waiting>::new());
         let gather = |scene: &&Selected| {
             let open = self.requests(scene, first.as_ref()).unwrap_or_else(|error| {
-                failures.push((scene.name.clone(), error::message(&error)));
+                failures.push((scene.name.clone(), error.to_string()));
                 Vec::new()
             });
             let is_new = |request: &Request| taken.insert(request.waiting.key.clone());
@@ -130,7 +128,7 @@ impl<'a> Questions<'a> {
             for (scene, answered) in by_scene {
                 let all: Vec<Waiting> = answered.iter().map(|(waiting, _)| waiting.clone()).collect();
                 left.extend(self.record(&scene, answered, &mut collected).unwrap_or_else(|error| {
-                    failures.push((scene, error::message(&error)));
+                    failures.push((scene, error.to_string()));
                     all
                 }));
             }
@@ -149,7 +147,7 @@ impl<'a> Questions<'a> {
         collected: &mut Collected,
     ) -> Result<Vec<Waiting>> {
         let Some(scene) = self.batch.scenes().find(|known| known.name == scene) else {
-            anyhow::bail!(BatchError::NotOfThisBatch);
+            return Err(BatchError::NotOfThisBatch.into());
         };
         self.with_session(scene, |session, queries| {
             Ok(session.submission(&self.client, queries).record(answered, collected)?)

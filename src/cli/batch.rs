@@ -5,7 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use crate::batch::{Batch, BatchError, Outcome, QuestionStep, Questions, Shard, Standing, State, Summary, Task};
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::pipeline::{self, Stage};
 use crate::query::AnswerSource;
 use crate::query::client;
@@ -25,7 +25,7 @@ struct DryScene<'a> {
 }
 
 /// Runs the command.
-pub fn run(global: &Global, args: &BatchArgs) -> anyhow::Result<()> {
+pub fn run(global: &Global, args: &BatchArgs) -> Result<()> {
     let (mut flags, max_usd) = (global.flags.typed.clone(), args.options.query.max_usd);
     if args.no_simulate {
         scene::check_without_simulation(args.to)?;
@@ -68,7 +68,7 @@ fn with_page(summary: &Summary, batch: &Batch) -> String {
 
 /// Tells the user which server may be asked about the scenes' pictures. The number of pictures is known only when a
 /// scene is segmented; the scene's own process reports it.
-fn announce(options: &pipeline::Options, scenes: usize) -> anyhow::Result<()> {
+fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
     let query = &options.query;
     let destination = client::destination(query)?.filter(|_| query.answers != AnswerSource::Replay);
     let Some(destination) = destination.filter(|_| options.setup.network().is_ok()) else { return Ok(()) };
@@ -104,7 +104,7 @@ fn tell(global: &Global, progress: Progress, outcome: &Outcome, ended: usize, to
     progress.line(&format!("{:<9} {ended}/{total} {} {:.1} s", state, outcome.scene, outcome.seconds));
 }
 
-fn dry_run(global: &Global, batch: &Batch) -> anyhow::Result<()> {
+fn dry_run(global: &Global, batch: &Batch) -> Result<()> {
     let standing = batch.standing()?;
     let scenes: Vec<DryScene> = standing
         .iter()
@@ -154,7 +154,7 @@ fn check_from(args: &BatchArgs) -> Result<(), UsageError> {
     Err(UsageError(problem))
 }
 
-fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Questions) -> anyhow::Result<()> {
+fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Questions) -> Result<()> {
     let failures = match step {
         QuestionStep::Submit => {
             let (sent, failures) = questions.submit()?;

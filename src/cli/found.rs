@@ -7,7 +7,7 @@ use crate::gaussians::bounds::longest_side;
 use serde_json::Value;
 
 use crate::consensus::Asked;
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::grasp::GraspReport;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage, stages};
@@ -25,7 +25,7 @@ use crate::workdir::Artifact;
 use super::shown;
 
 /// The result of `stage`, which must be done.
-pub fn text(pipeline: &mut Pipeline, stage: Stage) -> anyhow::Result<String> {
+pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
     let misfit = misfit_line(stages::scene::misfit(pipeline.opened())?.as_deref());
     let found = match stage {
         Stage::Scene | Stage::Report => String::new(),

@@ -4,7 +4,7 @@
 
 use clap::{Arg, ArgAction, Args};
 
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::pipeline;
 
 use super::{command, refuse};
@@ -81,7 +81,7 @@ fn common_options(command: &str) -> Vec<&'static str> {
 }
 
 /// `gprop help COMMAND`: ends the process with that command's help.
-pub fn show(of: &[String]) -> anyhow::Result<()> {
+pub fn show(of: &[String]) -> Result<()> {
     let words = ["gprop"].into_iter().chain(of.iter().map(String::as_str)).chain(["--help"]);
     match command().try_get_matches_from(words) {
         Err(help) => refuse(help),

@@ -3,27 +3,27 @@
 use std::io;
 use std::path::Path;
 
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::files::write::Folder;
 
 use super::{Global, command, print, print_path};
 
 /// `gprop completions SHELL`.
-pub fn completions(global: &Global, shell: clap_complete::Shell) -> anyhow::Result<()> {
+pub fn completions(global: &Global, shell: clap_complete::Shell) -> Result<()> {
     let mut script = Vec::new();
     clap_complete::generate(shell, &mut command(), "gprop", &mut script);
     print_text(global, script)
 }
 
 /// `gprop man`.
-pub fn page(global: &Global) -> anyhow::Result<()> {
+pub fn page(global: &Global) -> Result<()> {
     let mut page = Vec::new();
     clap_mangen::Man::new(command()).render(&mut page)?;
     print_text(global, page)
 }
 
 /// `gprop man --out DIR`: one page per command.
-pub fn pages(global: &Global, folder: &Path) -> anyhow::Result<()> {
+pub fn pages(global: &Global, folder: &Path) -> Result<()> {
     let cannot = |error| UsageError(format!("cannot write manual pages into {folder:?}: {error}"));
     let write_to = Folder::open(folder).map_err(cannot)?;
     let mut command = command().disable_help_subcommand(true);
@@ -41,7 +41,7 @@ fn write_pages(command: &clap::Command, folder: &Folder) -> io::Result<()> {
     folder.write(Path::new(&page.get_filename()), |mut out| page.render(&mut out))
 }
 
-fn print_text(global: &Global, text: Vec<u8>) -> anyhow::Result<()> {
+fn print_text(global: &Global, text: Vec<u8>) -> Result<()> {
     let text = String::from_utf8(text)?;
     print(global, &text, || text.clone())
 }

@@ -25,7 +25,7 @@ use clap::parser::ValueSource;
 use clap::{Args, CommandFactory, FromArgMatches, ValueEnum};
 use serde::Serialize;
 
-use crate::error::UsageError;
+use crate::error::{Error, Result, UsageError};
 use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
 use crate::words::output;
 use crate::words::progress::Progress;
@@ -43,7 +43,7 @@ pub fn main() -> ExitCode {
         Ok(()) => ExitCode::from(exit::Exit::Done as u8),
         Err(error) => {
             output::tell(&format!("error: {}", exit::message(&error)));
-            ExitCode::from(exit::of(&error) as u8)
+            ExitCode::from(exit::Exit::from(error.kind()) as u8)
         }
     }
 }
@@ -51,8 +51,8 @@ pub fn main() -> ExitCode {
 /// Runs the command line in `arguments` (the program's name first).
 ///
 /// # Errors
-/// Any failure, with a typed error in its chain from which [`exit::of`] finds the exit code.
-fn run(arguments: Vec<OsString>) -> anyhow::Result<()> {
+/// Any failure.
+fn run(arguments: Vec<OsString>) -> Result<()> {
     let cli = match parse(&arguments) {
         Ok(cli) => cli,
         Err(error) => refuse(error.downcast::<clap::Error>()?),
@@ -113,13 +113,13 @@ pub fn command() -> clap::Command {
 ///
 /// # Errors
 /// [`clap::Error`] for invalid usage, help or version; typed errors of the files.
-fn parse(arguments: &[OsString]) -> anyhow::Result<Cli> {
+fn parse(arguments: &[OsString]) -> Result<Cli> {
     parse_with(arguments, config::user_file().as_deref())
 }
 
 /// Like [`parse`], with the user's configuration in `user_file`. A first pass, which ignores errors, finds the command
 /// and the scene.
-fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Result<Cli> {
+fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> Result<Cli> {
     let first_look = |arguments: &[OsString]| command().ignore_errors(true).try_get_matches_from(arguments);
     let mut all = arguments.to_vec();
     let mut stages = StageFlags::default();
@@ -161,7 +161,7 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> anyhow::Resul
     let matches = command().try_get_matches_from(all).map_err(|error| {
         let problem_with = |flag: &OsString| pipeline::problem_with(flag, with_flags_of_files(), &error);
         let invalid = files.iter().find_map(|file| file.invalid_value(&problem_with));
-        invalid.map_or_else(|| as_typed(arguments, error).into(), anyhow::Error::from)
+        invalid.map_or_else(|| as_typed(arguments, error).into(), Error::from)
     })?;
     let mut cli = Cli::from_arg_matches(&matches)?;
     stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
@@ -270,9 +270,9 @@ fn stage_flags(matches: &clap::ArgMatches) -> Vec<OsString> {
 ///
 /// # Errors
 /// If the scene's `gprop.toml` cannot be used. One scene of several must not end the process.
-fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Options> {
+fn options_of(scene: &Path, flags: &[OsString]) -> Result<pipeline::Options> {
     let typed = [OsStr::new("gprop"), OsStr::new("parts"), scene.as_os_str()].map(OsStr::to_owned);
-    let wrong = |error: anyhow::Error| -> anyhow::Error {
+    let wrong = |error: Error| -> Error {
         match error.downcast::<clap::Error>() {
             Ok(invalid) => UsageError(format!("{scene:?}: {}", pipeline::problem_of(invalid))).into(),
             Err(error) => error,
@@ -285,12 +285,12 @@ fn options_of(scene: &Path, flags: &[OsString]) -> anyhow::Result<pipeline::Opti
 }
 
 /// Prints a result: as JSON if requested, else as text. A closed stdout is not an error.
-fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> anyhow::Result<()> {
+fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> Result<()> {
     print_text(&if global.json { serde_json::to_string_pretty(value)? } else { text() })
 }
 
 /// Prints a text. A closed stdout is not an error.
-fn print_text(text: &str) -> anyhow::Result<()> {
+fn print_text(text: &str) -> Result<()> {
     match writeln!(io::stdout(), "{}", output::harmless(text.trim_end())) {
         Err(error) if error.kind() != io::ErrorKind::BrokenPipe => {
             Err(UsageError(format!("cannot print: {error}")).into())
@@ -300,7 +300,7 @@ fn print_text(text: &str) -> anyhow::Result<()> {
 }
 
 /// Prints the path of a file or folder that was written.
-fn print_path(global: &Global, path: &Path) -> anyhow::Result<()> {
+fn print_path(global: &Global, path: &Path) -> Result<()> {
     print(global, &config::in_json(path), || shown(path))
 }
 
@@ -310,7 +310,7 @@ fn shown(path: &Path) -> String {
 }
 
 impl Global {
-    fn progress(&self) -> Progress {
+    fn progress(&self) -> Progress<'static> {
         match (self.quiet, io::stderr().is_terminal()) {
             (true, _) => Progress::Hidden,
             (false, true) => Progress::Shown(None),

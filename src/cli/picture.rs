@@ -1,7 +1,7 @@
 //! `gprop segment PICTURE`: the segments of one picture without a scene.
 
 use crate::config::in_json;
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::pipeline::picture::Picture;
 use crate::words::output::counted;
 use crate::workdir::Artifact;
@@ -10,7 +10,7 @@ use super::{Global, SceneArgs, WorkArgs, print, shown};
 
 /// Segments the picture that `args` name and writes the same files as for a view of a scene, into `--out` or a folder
 /// beside it.
-pub fn segment(global: &Global, args: &SceneArgs) -> anyhow::Result<()> {
+pub fn segment(global: &Global, args: &SceneArgs) -> Result<()> {
     check_from(&args.work)?;
     let (path, out, options) = (&args.scene, args.work.out.as_deref(), args.work.options.clone());
     if args.work.dry_run {

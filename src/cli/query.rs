@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::pipeline::Stage;
 use crate::pipeline::picture::Picture;
 use crate::pipeline::query_session::{Pruned, QuerySession};
@@ -39,7 +39,7 @@ struct DryPicture {
 }
 
 /// Runs the command.
-pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
+pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
     if args.scene.scene.is_file() {
         return of_picture(global, args);
     }
@@ -59,7 +59,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
     }
 }
 
-fn of_picture(global: &Global, args: &QueryArgs) -> anyhow::Result<()> {
+fn of_picture(global: &Global, args: &QueryArgs) -> Result<()> {
     picture::check_from(&args.scene.work)?;
     let (path, out) = (&args.scene.scene, args.scene.work.out.as_deref());
     let (mask, options) = (args.mask.as_deref(), args.scene.work.options.clone());
@@ -96,7 +96,7 @@ fn action(args: &QueryArgs) -> Option<QueryAction<'_>> {
 }
 
 /// `next` is the command that uses imported answers.
-fn run(global: &Global, session: &QuerySession, action: &QueryAction, next: &str) -> anyhow::Result<()> {
+fn run(global: &Global, session: &QuerySession, action: &QueryAction, next: &str) -> Result<()> {
     match action {
         QueryAction::Export(folder) => {
             let queries = session.export(folder)?;
@@ -132,7 +132,7 @@ fn run(global: &Global, session: &QuerySession, action: &QueryAction, next: &str
 /// Most problems of imported lines that a message lists.
 const MOST_PROBLEMS: usize = 20;
 
-fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) -> anyhow::Result<()> {
+fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) -> Result<()> {
     let imported = session.import(folder)?;
     let Imported { recorded, unanswered, bad } = &imported;
     print(global, &imported, || {

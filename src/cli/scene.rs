@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use crate::config;
 use crate::consensus::Asked;
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::files::write;
 use crate::film;
 use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage, export, is_untouched, show, stages};
@@ -25,12 +25,12 @@ struct DryStage {
 }
 
 /// Runs the stage `to`, after those that it needs, and prints its result.
-pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<()> {
+pub fn run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> Result<()> {
     carry_out(global, folder, work, to, true)
 }
 
 /// As [`run`], but leaves out the simulation.
-pub fn run_without_simulation(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> anyhow::Result<()> {
+pub fn run_without_simulation(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> Result<()> {
     check_without_simulation(to)?;
     carry_out(global, folder, work, to, false)
 }
@@ -43,7 +43,7 @@ pub fn check_without_simulation(to: Stage) -> Result<(), UsageError> {
     }
 }
 
-fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> anyhow::Result<()> {
+fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> Result<()> {
     if work.dry_run && is_untouched(folder, work.out.as_deref(), &work.options)? {
         let stages: Vec<Stage> =
             plan(work, to)?.stages().filter(|stage| simulates || *stage != Stage::Simulate).collect();
@@ -74,7 +74,7 @@ fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulat
 }
 
 /// Draws a picture or film, after running the stages that it needs.
-pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
+pub fn show(global: &Global, args: &ShowArgs) -> Result<()> {
     let film = film::Format::of(&args.to);
     let is_typed = |name: &str| global.flags.typed.iter().any(|flag| config::name_of(flag) == name);
     if film.is_none() && is_typed("turntable") {
@@ -116,7 +116,7 @@ pub fn show(global: &Global, args: &ShowArgs) -> anyhow::Result<()> {
 }
 
 /// Exports the parts, after running the stages up to them.
-pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
+pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
     let plan = Plan { to: Stage::Parts, from: None };
     let work = args.work.as_deref();
     let mut pipeline = open_with(global, &args.scene, work, &args.options, (plan, true))?;
@@ -127,12 +127,7 @@ pub fn export(global: &Global, args: &ExportArgs) -> anyhow::Result<()> {
 }
 
 /// Opens a scene to do the stages up to one, with or without the simulation.
-pub fn open(
-    global: &Global,
-    folder: &Path,
-    work: &WorkArgs,
-    (to, simulates): (Stage, bool),
-) -> anyhow::Result<Pipeline> {
+pub fn open(global: &Global, folder: &Path, work: &WorkArgs, (to, simulates): (Stage, bool)) -> Result<Pipeline> {
     open_with(global, folder, work.out.as_deref(), &work.options, (plan(work, to)?, simulates))
 }
 
@@ -142,7 +137,7 @@ fn open_with(
     out: Option<&Path>,
     options: &Options,
     (plan, simulates): (Plan, bool),
-) -> anyhow::Result<Pipeline> {
+) -> Result<Pipeline> {
     let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
     let builder = if simulates { builder } else { builder.without_simulation() };
     let builder = match out {
@@ -153,7 +148,7 @@ fn open_with(
     let effective = global.flags.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
     let effective = effective.filter(|flag| !flag.starts_with("--lmm-url=")).collect();
     let command_line = CommandLine { effective, typed: global.flags.recorded.clone(), once: global.flags.once };
-    Ok(builder.command_line(command_line).open()?)
+    builder.command_line(command_line).open()
 }
 
 fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {
@@ -176,7 +171,7 @@ fn dry_run(
     (to, stages): (Stage, &[Stage]),
     reusable: &[Stage],
     queries: Option<&Preview>,
-) -> anyhow::Result<()> {
+) -> Result<()> {
     let stages: Vec<DryStage> =
         stages.iter().map(|&name| DryStage { name, reusable: reusable.contains(&name) }).collect();
     print(global, &serde_json::json!({ "stages": stages, "queries": queries }), || {
@@ -199,7 +194,7 @@ fn dry_run(
 
 /// An artifact as one JSON value; for the field, the labels that its numbers stand for; null for the parts if the model
 /// is asked about segments.
-fn json_of(pipeline: &mut Pipeline, artifact: Artifact) -> anyhow::Result<Value> {
+fn json_of(pipeline: &mut Pipeline, artifact: Artifact) -> Result<Value> {
     Ok(match artifact {
         Artifact::FoundParts if pipeline.opened().options.consensus.ask == Asked::Segments => Value::Null,
         Artifact::Answers => serde_json::to_value(&pipeline.answers()?.segments)?,

@@ -2,14 +2,14 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::pipeline::{Stage, compat};
 use crate::simulate::script::{KNOWN, Known};
 use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::{Compat, Global, SimulateArgs, print, scene, shown};
 
-pub fn run(global: &Global, args: &SimulateArgs) -> anyhow::Result<()> {
+pub fn run(global: &Global, args: &SimulateArgs) -> Result<()> {
     let Some(folder) = args.scene.as_ref().filter(|_| !args.list) else {
         return list(global);
     };
@@ -51,7 +51,7 @@ fn work_folder(scene: &Path, out: Option<&Path>) -> Result<PathBuf, WorkDirError
 }
 
 /// The scenarios with their parameters.
-fn list(global: &Global) -> anyhow::Result<()> {
+fn list(global: &Global) -> Result<()> {
     let parameters = |k: &Known| -> serde_json::Map<String, serde_json::Value> {
         k.parameters.iter().map(|(key, value, _)| ((*key).to_owned(), (*value).into())).collect()
     };

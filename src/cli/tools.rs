@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use crate::config::in_json;
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::files::write;
 use crate::grasp::CalibrationReport;
 use crate::grasp::gripper::GripperProfile;
@@ -14,20 +14,20 @@ use crate::setup::{self, SetupError};
 use super::{Global, Grasp, Materials, Scale, print, shown};
 
 /// `gprop setup`.
-pub fn set_up(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
+pub fn set_up(global: &Global, options: &setup::Options) -> Result<()> {
     setup::obtain(options, global.progress())?;
     doctor(global, options)
 }
 
 /// `gprop doctor`.
-pub fn doctor(global: &Global, options: &setup::Options) -> anyhow::Result<()> {
+pub fn doctor(global: &Global, options: &setup::Options) -> Result<()> {
     let found = crate::segment::sam::doctor(options);
     print(global, &found, || found.to_string())?;
     if found.ok { Ok(()) } else { Err(SetupError::Unfit { problems: found.problems.len() }.into()) }
 }
 
 /// `gprop grasp calibrate`.
-pub fn grasp(global: &Global, what: &Grasp) -> anyhow::Result<()> {
+pub fn grasp(global: &Global, what: &Grasp) -> Result<()> {
     let Grasp::Calibrate { points, gripper, plot, profile } = what;
     let mut gripper = GripperProfile::load(gripper)?;
     let report = CalibrationReport::of_file(points, &mut gripper)?;
@@ -41,7 +41,7 @@ pub fn grasp(global: &Global, what: &Grasp) -> anyhow::Result<()> {
 }
 
 /// `gprop scale`.
-pub fn scale(global: &Global, what: &Scale) -> anyhow::Result<()> {
+pub fn scale(global: &Global, what: &Scale) -> Result<()> {
     let Scale::Board { out, marker } = what;
     write_text(out, &scene::marker_board(&marker.marker, marker.meters))?;
     let drawn = serde_json::json!({ "path": in_json(out), "scale": marker.to_string() });
@@ -53,13 +53,13 @@ pub fn scale(global: &Global, what: &Scale) -> anyhow::Result<()> {
     })
 }
 
-fn write_text(path: &Path, text: &str) -> anyhow::Result<()> {
+fn write_text(path: &Path, text: &str) -> Result<()> {
     let written = write::file(path, |out| out.write_all(text.as_bytes()));
     Ok(written.map_err(|error| UsageError(format!("cannot write {path:?}: {error}")))?)
 }
 
 /// `gprop materials`.
-pub fn materials(global: &Global, what: &Materials) -> anyhow::Result<()> {
+pub fn materials(global: &Global, what: &Materials) -> Result<()> {
     match what {
         Materials::Show { name, library: options } => {
             let all = options.library()?;

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use crate::batch;
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::pipeline::{Stage, work_folder};
 use crate::words::shell;
 use crate::workdir::{self, Artifact};
@@ -15,7 +15,7 @@ use super::{Global, ReportArgs, ViewArgs, print_path, scene};
 const OPENER: &str = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
 
 /// `gprop report`: every stage, then the report in the browser if the user wants it there.
-pub fn report(global: &Global, args: &ReportArgs) -> anyhow::Result<()> {
+pub fn report(global: &Global, args: &ReportArgs) -> Result<()> {
     let (folder, work) = (&args.scene.scene, &args.scene.work);
     let run = if args.no_simulate { scene::run_without_simulation } else { scene::run };
     run(global, folder, work, Stage::Report)?;
@@ -26,7 +26,7 @@ pub fn report(global: &Global, args: &ReportArgs) -> anyhow::Result<()> {
 }
 
 /// `gprop view`: the page that an earlier run or batch left.
-pub fn view(global: &Global, args: &ViewArgs) -> anyhow::Result<()> {
+pub fn view(global: &Global, args: &ViewArgs) -> Result<()> {
     let page = page_of(&args.folder)?;
     let mut below_folder = page.ancestors().take_while(|path| *path != args.folder);
     below_folder.try_for_each(|path| workdir::refuse_link(path, "`gprop view`"))?;

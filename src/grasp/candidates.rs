@@ -30,6 +30,7 @@ const LEAST_CELL_M: f64 = 0.005;
 /// A place to grasp at. Forces are those of one finger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Candidate {
     /// Caption of the part that both fingers press on.
     pub part: String,

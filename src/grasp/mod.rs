@@ -77,6 +77,7 @@ pub enum Reason {
 /// The forces for one object, one part of it and one gripper. Written as `grasp.json`. Forces are those of one finger.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct GraspReport {
     /// Caption of the part that the fingers press on.
     pub part: String,

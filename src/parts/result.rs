@@ -13,6 +13,7 @@ use crate::words::readable::significant;
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Parts {
     /// The whole object.
     pub object: Object,
@@ -43,6 +44,20 @@ pub struct Parts {
 }
 
 impl Parts {
+    /// An object of these parts, without fillings, known mass or messages.
+    pub fn new(object: Object, parts: Vec<Part>) -> Self {
+        Self {
+            object,
+            parts,
+            fillings: Vec::new(),
+            known_mass: None,
+            meters_per_unit: None,
+            estimated_scale: None,
+            warnings: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+
     /// The parts by id. The bodies of a part that are written as parts (`--bodies parts`) are combined.
     pub fn by_label(&self) -> impl Iterator<Item = Part> {
         self.bodies_by_label().map(combined)

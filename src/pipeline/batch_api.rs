@@ -1,8 +1,7 @@
 //! The queries of a session through the Batch API: submitted first, collected later. Jobs in progress are noted in
 //! `batch_api.json`.
 
-use anyhow::Result;
-
+use crate::error::Result;
 use crate::query::ask::asker::Asker;
 use crate::query::ask::budget::Budget;
 use crate::query::batch_api::{self, Collected, Sent, Submission, Submitted, check_submission};

@@ -1,14 +1,13 @@
 //! The builder of a pipeline: its folders and options.
 
 use std::path::{Path, PathBuf};
-
-use anyhow::Result;
+use std::sync::Arc;
 
 use super::run::{CommandLine, Run};
 use super::stages::{OpenScene, Stage, Tools};
 use super::{Options, Pipeline, Plan, work_folder};
-use crate::error::Error;
-use crate::words::progress::Progress;
+use crate::error::{Error, Result};
+use crate::words::progress::{CancelToken, Event, Progress, Watcher};
 use crate::workdir::{self, WorkDir};
 
 /// Settings for opening a [`Pipeline`]; from [`Pipeline::builder`].
@@ -20,7 +19,7 @@ pub struct Builder {
     plan: Plan,
     simulates: bool,
     command_line: CommandLine,
-    progress: Progress,
+    watcher: Watcher,
 }
 
 impl Builder {
@@ -32,7 +31,7 @@ impl Builder {
             plan: Plan { to: Stage::Report, from: None },
             simulates: true,
             command_line: CommandLine::default(),
-            progress: Progress::Hidden,
+            watcher: Watcher::default(),
         }
     }
 
@@ -63,8 +62,19 @@ impl Builder {
     }
 
     /// The progress shown on stderr while stages run; by default only warnings, which go to `tracing`.
-    pub fn progress(self, progress: Progress) -> Self {
-        Self { progress, ..self }
+    pub fn progress(self, progress: Progress<'static>) -> Self {
+        Self { watcher: Watcher { shown: progress, ..self.watcher }, ..self }
+    }
+
+    /// Calls `listener` at each step while stages run, from any thread.
+    pub fn on_progress(self, listener: impl Fn(&Event) + Send + Sync + 'static) -> Self {
+        Self { watcher: Watcher { listener: Some(Arc::new(listener)), ..self.watcher }, ..self }
+    }
+
+    /// Lets the token cancel what the pipeline does: that ends with an error of the kind
+    /// [`Cancelled`](crate::ErrorKind::Cancelled), and the next run goes on from there.
+    pub fn cancel_with(self, token: &CancelToken) -> Self {
+        Self { watcher: Watcher { cancel: token.clone(), ..self.watcher }, ..self }
     }
 
     /// Loads the scene and locks its work folder, which is created if it does not exist.
@@ -76,19 +86,19 @@ impl Builder {
             Some(options) => options,
             None => Options::of_scene(&self.folder)?,
         };
-        let open = load(&self.folder, self.out.as_deref(), options, self.progress).map_err(Error)?;
+        let open = load(&self.folder, self.out.as_deref(), options, self.watcher)?;
         let run = Run::new(&open, self.plan, self.simulates, self.command_line);
         Ok(Pipeline { open, run })
     }
 }
 
-fn load(folder: &Path, out: Option<&Path>, options: Options, progress: Progress) -> Result<OpenScene> {
+fn load(folder: &Path, out: Option<&Path>, options: Options, watcher: Watcher) -> Result<OpenScene> {
     options.check()?;
     let scene = crate::scene::load(folder, &options.scene)?;
     let tools = Tools::load(&options)?;
     crate::simulate::script_of(&options.simulate)?;
     let root = workdir::named_or(out, work_folder(folder, None))?;
-    OpenScene::new(folder, WorkDir::open(&root)?, scene, tools, options, progress)
+    OpenScene::new(folder, WorkDir::open(&root)?, scene, tools, options, watcher)
 }
 
 /// True if nothing has been done in the work folder yet; does not create one.

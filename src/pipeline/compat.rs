@@ -3,9 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
-
-use crate::error::UsageError;
+use crate::error::{Context, Result, UsageError};
 use crate::files;
 use crate::gaussians::Gaussians;
 use crate::scene::splat::ply;
@@ -51,7 +49,7 @@ pub fn run_on_field(open: &OpenScene, config: Option<&Path>) -> Result<(CompatRe
         Some(path) => configuration(path)?,
         None => Config::from_map(estimated.configuration(estimated.main()))?,
     };
-    carry_out(&open.scene.gaussians, &config, Some(&estimated), open.work.root(), open.progress)
+    carry_out(&open.scene.gaussians, &config, Some(&estimated), open.work.root(), open.progress())
 }
 
 fn configuration(path: &Path) -> Result<Config> {

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use tracing::warn;
 
+use crate::error::Result;
 use crate::export::{self, Format, Model};
 use crate::grasp::GraspError;
 use crate::grasp::candidates::Candidate;
@@ -53,8 +53,8 @@ fn places_to_grasp(pipeline: &mut Pipeline) -> Result<Vec<Candidate>> {
             }
             Ok(grasped.0.as_ref().map_or_else(Vec::new, |report| report.candidates.clone()))
         }
-        Err(error) if error.is::<GraspError>() || !pipeline.opened().work.is_writable() => {
-            warn!("the export names no place to grasp at: {error:#}");
+        Err(error) if error.downcast_ref::<GraspError>().is_some() || !pipeline.opened().work.is_writable() => {
+            warn!("the export names no place to grasp at: {error}");
             Ok(Vec::new())
         }
         Err(error) => Err(error),

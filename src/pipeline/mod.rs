@@ -29,9 +29,7 @@ pub mod variants;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::Result;
-
-use crate::error::Error;
+use crate::error::{Error, Result};
 use crate::grasp::GraspReport;
 use crate::parts::{Parts, PartsError};
 use crate::query::Answers;
@@ -93,7 +91,7 @@ impl Pipeline {
     /// # Errors
     /// The errors of the stages.
     pub fn run(&mut self) -> Result<(), Error> {
-        self.run.carry_out(&mut self.open).map_err(Error)
+        self.run.carry_out(&mut self.open)
     }
 
     /// The segments that SAM cuts out of each chosen photo, nested: a label map in pixels of the photo, and for each
@@ -103,7 +101,7 @@ impl Pipeline {
     /// If SAM or ONNX Runtime is missing, a photo cannot be read, or the work folder cannot be written.
     pub fn segments(&mut self) -> Result<Arc<Segmentation>, Error> {
         self.up_to(Stage::Segment)?;
-        self.open.get().map_err(Error)
+        self.open.get()
     }
 
     /// The answer to each question about a part (or a segment, with `--ask segments`), in SI units, or why there is none.
@@ -112,7 +110,7 @@ impl Pipeline {
     /// As for [`segments`](Self::segments); also if an answer is not recorded and no server can give it.
     pub fn answers(&mut self) -> Result<Arc<Answers>, Error> {
         self.up_to(Stage::Query)?;
-        self.open.get().map_err(Error)
+        self.open.get()
     }
 
     /// The label, votes and confidence of each Gaussian, in the order of the splat, and what each label stands for, in
@@ -122,7 +120,7 @@ impl Pipeline {
     /// As for [`answers`](Self::answers); also if no view has a segment with an answer.
     pub fn field(&mut self) -> Result<Arc<MaterialField>, Error> {
         self.up_to(Stage::Vote)?;
-        self.open.get().map_err(Error)
+        self.open.get()
     }
 
     /// The object and its parts in metres and kilograms, positions in the world frame.
@@ -143,7 +141,7 @@ impl Pipeline {
         let in_runs = std::mem::replace(&mut self.run.simulates, true);
         let done = self.up_to(Stage::Simulate);
         self.run.simulates = in_runs;
-        done.and_then(|()| self.open.get().map_err(Error))
+        done.and_then(|()| self.open.get())
     }
 
     /// The forces with which a gripper may hold the object, in newtons, and the places to grasp at, in metres in the
@@ -192,7 +190,7 @@ impl Pipeline {
 
 /// A result that exists only if the metric scale is known.
 fn metric<T>(found: Result<Option<T>>) -> Result<T, Error> {
-    found.and_then(|found| Ok(found.ok_or(PartsError::ScaleUnknown)?)).map_err(Error)
+    found.and_then(|found| Ok(found.ok_or(PartsError::ScaleUnknown)?))
 }
 
 /// The work folder of the scene in `scene`.

@@ -4,20 +4,20 @@ use std::any::TypeId;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use clap::error::{ContextKind, ContextValue};
 use clap::{ArgAction, Args, FromArgMatches};
 use serde::Serialize;
 
 use crate::config::option_values::OptionError;
 use crate::config::{self, SceneKey};
-use crate::error::{Error, UsageError};
+use crate::error::{Error, Result, UsageError};
 use crate::words::output;
 
 use super::preset::Preset;
 
 /// The options of all stages.
 #[derive(Debug, Clone, Default, Serialize, clap::Args)]
+#[non_exhaustive]
 pub struct Options {
     /// Set of defaults; other options override it
     // Set by the command line, which has applied it. For a library, see `Preset::options`.
@@ -70,7 +70,7 @@ impl Options {
         let scene = scene.as_ref();
         let read = || -> Result<Self> {
             let file = config::flags_of_scene(scene, &known_flags())?;
-            let wrong = |error: clap::Error| -> anyhow::Error {
+            let wrong = |error: clap::Error| -> Error {
                 let invalid = file.invalid_value(&|flag| problem_with(flag, Self::augment_args(stages()), &error));
                 match invalid {
                     Some(invalid) => invalid.into(),
@@ -79,7 +79,7 @@ impl Options {
             };
             Self::of_flags(&file.flags).map_err(wrong)
         };
-        read().map_err(Error)
+        read()
     }
 
     /// The defaults, changed by flags.

@@ -4,10 +4,9 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
 use tracing::info;
 
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::materials::MaterialLibrary;
 use crate::pictures::{material_map, png};
 use crate::query::Answers;
@@ -39,7 +38,7 @@ pub struct Picture {
     size: (u32, u32),
     /// The segments in pixels of `photo`, which is smaller than the picture if the picture is huge.
     segments: ViewSegments,
-    progress: Progress,
+    progress: Progress<'static>,
 }
 
 fn file_name(path: &Path) -> String {
@@ -67,7 +66,7 @@ impl Picture {
         mask: Option<&Path>,
         out: Option<&Path>,
         options: Options,
-        progress: Progress,
+        progress: Progress<'static>,
     ) -> Result<Self> {
         check_options(&options)?;
         let (photo, size) = Photo::open(path, mask)?;
@@ -206,7 +205,7 @@ fn segment(
     let load = |_: &str| Ok::<_, SegmentError>(photo.clone());
     let view = view_name(name);
     let found = segment_views(&segmenter, &[view.as_str()], &load, &flat, progress, &|_| Ok(()))?;
-    let found = found.views.into_iter().next().context("one picture has one view")?;
+    let found = found.views.into_iter().next().expect("one picture has one view");
     let written = at_size(found.clone(), size);
     remove_other_formats(work, &[&view])?;
     for (other, entry) in stored_segments(work).views.iter().filter(|(other, _)| **other != view) {

@@ -4,6 +4,7 @@ use super::stages::Stage;
 
 /// The stages to do, and those to do again in any case.
 #[derive(Debug, Clone, Copy)]
+#[non_exhaustive]
 pub struct Plan {
     /// The last stage to do. Earlier stages are done if it needs them.
     pub to: Stage,
@@ -12,6 +13,16 @@ pub struct Plan {
 }
 
 impl Plan {
+    /// Everything up to the stage `to`, reusing what earlier runs did.
+    pub fn to(to: Stage) -> Self {
+        Self { to, from: None }
+    }
+
+    /// The same, but the stage `from` and those after it are done again.
+    pub fn from(self, from: Stage) -> Self {
+        Self { from: Some(from), ..self }
+    }
+
     /// The stages that must be done, unless they already are, in order.
     pub fn stages(self) -> impl Iterator<Item = Stage> {
         let asked = move |stage| stage == self.to || self.to.needs(stage) || self.redoes(stage);

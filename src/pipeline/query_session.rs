@@ -5,10 +5,9 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
 use serde::Serialize;
 
-use crate::error::UsageError;
+use crate::error::{Context, Result, UsageError};
 use crate::files;
 use crate::files::read_scope::ReadScope;
 use crate::materials::MaterialLibrary;
@@ -54,7 +53,7 @@ pub struct QuerySession<'a> {
     pub(super) recordings: Recordings,
     pub(super) client: Option<Client>,
     pub(super) work: &'a WorkDir,
-    progress: Progress,
+    progress: Progress<'a>,
 }
 
 /// The subjects that a session asks about.
@@ -93,7 +92,7 @@ impl<'a> QuerySession<'a> {
         home: &Path,
         work: &'a WorkDir,
         network: Result<(), Offline>,
-        progress: Progress,
+        progress: Progress<'a>,
     ) -> Result<Self> {
         let folders = recording_folders(options, home);
         let (write_to, read_from) = folders.split_last().expect("the home's folder is always among them");
@@ -117,7 +116,7 @@ impl<'a> QuerySession<'a> {
             price: price(options)?,
             own_recordings: home.join(RECORDINGS),
             recordings: Recordings::open(&read_from, write_to)?.with_spare(&spare)?,
-            client: Client::new(options, ApiKey::from_environment(options)?, network, progress)?,
+            client: Client::new(options, ApiKey::from_environment(options)?, network, progress.on_stderr())?,
             work,
             progress,
         })

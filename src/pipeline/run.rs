@@ -6,7 +6,6 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use anyhow::{Context, Result};
 use tracing::{info, warn};
 
 use super::hasher::Hasher;
@@ -14,6 +13,7 @@ use super::plan::Plan;
 use super::record::{FieldFlags, Left, RunRecord};
 use super::stages::{Done, Job, OpenScene, Output, Stage, StageRecord};
 use super::stored::with_portable_paths;
+use crate::error::{Context, Result};
 use crate::words::progress::StageNumber;
 
 /// The stages of a scene: those that are planned, and those that are done.
@@ -54,7 +54,8 @@ impl Run {
         let stages: Vec<Stage> = self.stages().collect();
         for (index, &stage) in stages.iter().enumerate() {
             if !self.done.contains(&stage) {
-                open.progress = open.progress.of_stage(StageNumber { number: index + 1, of: stages.len() });
+                open.progress().check()?;
+                open.number = Some(StageNumber { number: index + 1, of: stages.len() });
                 self.step(open, stage)?;
                 self.done.push(stage);
             }
@@ -81,7 +82,7 @@ impl Run {
         let start = Instant::now();
         let done = (stage.row().run)(open, &self.job(stage, &key))?;
         let record = self.record_of(open, stage, key, done, start)?;
-        open.progress.stage_done(&stage.name(), record.seconds);
+        open.progress().stage_done(&stage.name(), record.seconds);
         record.warnings.iter().for_each(|warning| warn!("{warning}"));
         record.notes.iter().for_each(|note| info!("{note}"));
         self.put(open, record)

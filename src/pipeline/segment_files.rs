@@ -3,10 +3,9 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::{Context, Result};
 use serde::{Deserialize, Serialize};
 
-use crate::error::UsageError;
+use crate::error::{Context, Result, UsageError};
 use crate::segment::formats::{Format, coco};
 use crate::segment::sam::model_digest;
 use crate::segment::{self, LabelMap, Segment, Segmenter, ViewSegments};

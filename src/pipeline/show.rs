@@ -2,14 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Result;
-
 use super::segment_files::open_segmenter;
 use super::stages::OpenScene;
 use super::stages::asked::AskedAbout;
 use super::stages::query::fullest_view;
 use super::stages::vote::{ShowsMost, draw, object};
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::film;
 use crate::pictures::figure::Shown;
 use crate::pictures::turntable::Turntable;
@@ -58,7 +56,7 @@ pub fn vote(open: &OpenScene, view: Option<&str>) -> Result<Vec<u8>> {
 pub fn levels(open: &OpenScene, view: Option<&str>) -> Result<Vec<u8>> {
     let fullest = fullest_view(open).map(|index| &open.views[index]);
     let view = found(view, fullest, &open.scene.views)?;
-    let segmenter = open_segmenter(&open.options.setup, &open.options.segment, open.progress)?;
+    let segmenter = open_segmenter(&open.options.setup, &open.options.segment, open.progress())?;
     let photo = open.photo(view)?;
     let levels = segmenter.segment_levels(&photo, &open.options.segment)?;
     Ok(png(&segmented::levels(&view.camera, &photo, &levels))?)
@@ -68,7 +66,7 @@ pub fn levels(open: &OpenScene, view: Option<&str>) -> Result<Vec<u8>> {
 pub fn turntable(open: &OpenScene, shown: Shown, format: film::Format) -> Result<Vec<u8>> {
     let (field, film) = (open.get::<MaterialField>()?, open.options.simulate.viewpoint.film);
     let turntable = Turntable::new(shown, object(open, &field)?, film);
-    let bar = open.progress.bar("film", turntable.count() as u64);
+    let bar = open.progress().bar("film", turntable.count() as u64);
     let bytes = format.encode(film.fps, turntable.count(), |index| {
         bar.inc(1);
         turntable.picture(index)

@@ -6,10 +6,10 @@
 
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use serde::de::DeserializeOwned;
 
 use crate::config;
+use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::parts::Parts;
 use crate::query::LabelSet;
@@ -18,7 +18,7 @@ use crate::scene::{ScaleChoice, SceneError};
 use crate::setup;
 use crate::units::MetricScale;
 use crate::vote::MaterialField;
-use crate::words::progress::Progress;
+use crate::words::progress::{Progress, Watcher};
 use crate::words::shell;
 use crate::workdir::{self, Artifact, Standing, WorkDir, WorkDirError};
 
@@ -206,7 +206,7 @@ pub fn open(
     out: Option<&Path>,
     allow_read: &[PathBuf],
     last: Stage,
-    progress: Progress,
+    progress: Progress<'static>,
 ) -> Result<OpenScene> {
     let plan = Plan { to: last, from: None };
     let stored = Stored::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
@@ -214,7 +214,7 @@ pub fn open(
     let scene = crate::scene::load(folder, &options.scene).map_err(SceneError::without_flag)?;
     let tools = Tools::load(&options)?;
     let Stored { work, record, command } = stored;
-    let open = OpenScene::new(folder, work, scene, tools, options, progress)?;
+    let open = OpenScene::new(folder, work, scene, tools, options, Watcher { shown: progress, ..Watcher::default() })?;
     let key = stages::scene::key(&open)?;
     if record.of(Stage::Scene).is_none_or(|done| done.key != key) {
         let (path, problem) = (open.work.root().to_owned(), "the scene's files have changed since that run".to_owned());

@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use anyhow::Result;
-
+use crate::error::Result;
 use crate::query::{AnswerSource, Answers, Context, Options};
 use crate::vote::{MaterialField, VoteError};
 
@@ -52,7 +51,7 @@ fn local_answers(open: &OpenScene, about: &AskedAbout) -> Result<Option<Answers>
         unanswered => {
             let (name, all) = (&open.scene.name, queries.segments.len());
             let line = format!("{name}: {unanswered} of {all} questions have no answer recorded for the part alone");
-            open.progress.line(&line);
+            open.progress().line(&line);
             Ok(None)
         }
     }

@@ -11,6 +11,7 @@ use crate::query::ask::asker::AskError;
 use crate::query::ask::budget::Spent;
 use crate::query::question::prompt::PromptError;
 use crate::words::output;
+use crate::words::progress::Cancelled;
 
 /// Why the query stage ends without answers.
 #[derive(Debug, thiserror::Error)]
@@ -25,6 +26,8 @@ pub enum QueryError {
     Prompt(#[from] PromptError),
     #[error(transparent)]
     Recording(#[from] RecordingError),
+    #[error(transparent)]
+    Cancelled(#[from] Cancelled),
     #[error(
         "no recorded answer for {} of {}:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
          in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR with the same options",

@@ -174,6 +174,14 @@ impl std::fmt::Display for Failure {
 
 /// The answers of all segments of all views, by view in the order of the views, then by segment id.
 #[derive(Debug, Clone, PartialEq, Default)]
+#[non_exhaustive]
 pub struct Answers {
     pub segments: Vec<SegmentAnswer>,
+}
+
+impl Answers {
+    /// These answers, in their order.
+    pub fn new(segments: Vec<SegmentAnswer>) -> Self {
+        Self { segments }
+    }
 }

@@ -137,6 +137,7 @@ impl ViewSegments {
 
 /// The segments of all chosen views, in the order of the views.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct Segmentation {
     pub views: Vec<ViewSegments>,
 }

@@ -2,7 +2,6 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use indicatif::ProgressBar;
 use rayon::prelude::*;
 
 use super::error::SegmentError;
@@ -11,7 +10,7 @@ use super::options::Options;
 use super::segmenter::Segmenter;
 use super::{Segmentation, ViewSegments};
 use crate::scene::Photo;
-use crate::words::progress::{Progress, WHOLE};
+use crate::words::progress::{Bar, Progress, WHOLE};
 
 /// Segments the named views on the ambient rayon pool. `load` reads a view's photo when its turn comes; `finished` gets
 /// each view as soon as it is done, in no particular order. The result is in the order of `names` and does not depend
@@ -43,8 +42,8 @@ pub fn segment_views<E: From<SegmentError> + Send>(
 
 /// A progress bar over the views. How many prompts a view takes is known only while it is segmented, and may still grow
 /// then; so each view has an equal part of the bar, which its prompts fill up to [`BY_PROMPTS`] and never empty.
-struct Tally {
-    bar: ProgressBar,
+struct Tally<'a> {
+    bar: Bar<'a>,
     views: u64,
     views_done: AtomicU64,
     /// The sum over the views of the parts that are filled, in [`WHOLE`]ths of a view.
@@ -57,15 +56,15 @@ const BY_PROMPTS: u64 = WHOLE / 2;
 
 /// One view's part of the bar.
 struct ViewTally<'a> {
-    tally: &'a Tally,
+    tally: &'a Tally<'a>,
     planned: AtomicU64,
     prompted: AtomicU64,
     /// How much of its part is filled, in [`WHOLE`]ths.
     filled: AtomicU64,
 }
 
-impl Tally {
-    fn new(progress: Progress, views: usize) -> Self {
+impl<'a> Tally<'a> {
+    fn new(progress: Progress<'a>, views: usize) -> Self {
         let tally = Self {
             bar: progress.share_bar("segment"),
             views: views as u64,

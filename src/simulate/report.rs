@@ -10,6 +10,7 @@ use crate::words::output::{agreeing, counted};
 /// The simulation and its result. Written as `simulation.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct SimulationReport {
     /// The scenario: its name, or the name of its file.
     pub scenario: String,
@@ -84,6 +85,7 @@ impl SimulationReport {
 /// The particles of a part.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct FilledReport {
     pub part: String,
     pub material: String,
@@ -99,6 +101,7 @@ pub struct FilledReport {
 /// A part that moved as a rigid body.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct RigidReport {
     /// The part id; that of the shell for a filling.
     pub part_id: u32,
@@ -124,6 +127,7 @@ pub struct RigidReport {
 /// The bound on the substep: dt <= cfl * spacing / (wave speed + speed).
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct StepReport {
     pub cfl: f64,
     /// Material with the fastest pressure waves; `None` if nothing deforms.

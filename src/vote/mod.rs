@@ -77,6 +77,7 @@ impl<'a> AnsweredPart<'a> {
 
 /// The result of the vote for every Gaussian.
 #[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
 pub struct MaterialField {
     /// The labels that a Gaussian may have, by id.
     pub labels: Vec<FieldLabel>,
@@ -99,6 +100,20 @@ impl MaterialField {
     /// Per Gaussian: the id of its part.
     pub fn part_ids(&self) -> impl Iterator<Item = u32> {
         self.part_label.iter().map(|&label| self.labels[label as usize].id)
+    }
+
+    /// The field of Gaussians whose labels are known: each was seen by one view, which was certain.
+    pub fn known(labels: Vec<FieldLabel>, part_label: Vec<u32>) -> Self {
+        let count = part_label.len();
+        Self {
+            labels,
+            part_label,
+            confidence: vec![1.0; count],
+            votes: vec![1.0; count],
+            views: vec![1; count],
+            warnings: Vec::new(),
+            notes: Vec::new(),
+        }
     }
 
     /// Keeps the Gaussians whose entry in `kept` is true, in their order.

@@ -1,9 +1,10 @@
 //! Progress on stderr: bars at a terminal, lines elsewhere, nothing if the user wants none. A stage is given a
 //! [`Progress`] and never prints itself.
 
-use std::fmt::Write;
+use std::fmt::{self, Write};
 use std::io;
-use std::sync::LazyLock;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, LazyLock};
 use std::time::{Duration, Instant};
 
 use indicatif::style::ProgressTracker;
@@ -18,13 +19,15 @@ static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 const REMINDER: Duration = Duration::from_secs(30);
 
 /// How progress is shown, and to which stage of a run it belongs.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Progress {
+#[derive(Debug, Clone, Copy)]
+pub enum Progress<'a> {
     /// Bars and lines, for a terminal.
     Shown(Option<StageNumber>),
     /// Lines only, for a log.
     Lines(Option<StageNumber>),
     Hidden,
+    /// As the watcher shows it; it is also told, and may cancel the run.
+    Watched(&'a Watcher, Option<StageNumber>),
 }
 
 /// A stage's place among those of a run.
@@ -35,29 +38,166 @@ pub struct StageNumber {
     pub of: usize,
 }
 
-impl Progress {
-    /// The same, about the given stage.
-    pub fn of_stage(self, stage: StageNumber) -> Self {
+/// A step of a run, for a program that follows it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub enum Event<'a> {
+    /// Part of a piece of work is done, such as some of a stage's views. May come from any thread.
+    Steps { stage: Option<StageNumber>, what: &'a str, done: u64, of: u64 },
+    /// A stage is done. Stages whose stored results are used again are not told.
+    StageDone { stage: Option<StageNumber>, name: &'a str, seconds: f64 },
+}
+
+/// Cancels runs: all clones of a token are one. A run looks at it before each stage and between its views, questions and
+/// frames, ends with [`Cancelled`], and keeps what is done.
+#[derive(Debug, Clone, Default)]
+pub struct CancelToken(Arc<AtomicBool>);
+
+impl CancelToken {
+    /// Cancels every run that was given this token.
+    pub fn cancel(&self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+
+    /// True once it was cancelled.
+    pub fn is_cancelled(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// The run was cancelled with its [`CancelToken`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the run was cancelled; what is done is kept, and the next run goes on from there")]
+pub struct Cancelled;
+
+/// Gets the steps of a run.
+pub type Listener = Arc<dyn Fn(&Event) + Send + Sync>;
+
+/// Follows a run: shows its progress, passes it to a listener, and can cancel it.
+#[derive(Clone)]
+pub struct Watcher {
+    pub shown: Progress<'static>,
+    pub listener: Option<Listener>,
+    pub cancel: CancelToken,
+}
+
+impl Default for Watcher {
+    fn default() -> Self {
+        Self { shown: Progress::Hidden, listener: None, cancel: CancelToken::default() }
+    }
+}
+
+impl fmt::Debug for Watcher {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { shown, listener, cancel } = self;
+        let listens = listener.is_some();
+        f.debug_struct("Watcher").field("shown", shown).field("listens", &listens).field("cancel", cancel).finish()
+    }
+}
+
+impl Watcher {
+    fn tell(&self, event: &Event) {
+        if let Some(listener) = &self.listener {
+            listener(event);
+        }
+    }
+}
+
+/// A progress bar, which is drawn only if progress is [`Shown`](Progress::Shown).
+pub struct Bar<'a> {
+    bar: ProgressBar,
+    watched: Option<Watched<'a>>,
+}
+
+/// The work whose steps a watcher is told.
+struct Watched<'a> {
+    by: &'a Watcher,
+    stage: Option<StageNumber>,
+    what: &'static str,
+    of: u64,
+}
+
+impl Bar<'_> {
+    pub fn with_message(self, message: &'static str) -> Self {
+        Self { bar: self.bar.with_message(message), ..self }
+    }
+
+    pub fn set_message(&self, message: String) {
+        self.bar.set_message(message);
+    }
+
+    pub fn inc(&self, steps: u64) {
+        self.bar.inc(steps);
+        self.tell();
+    }
+
+    pub fn set_position(&self, steps: u64) {
+        self.bar.set_position(steps);
+        self.tell();
+    }
+
+    pub fn position(&self) -> u64 {
+        self.bar.position()
+    }
+
+    pub fn finish_and_clear(&self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn tell(&self) {
+        if let Some(Watched { by, stage, what, of }) = self.watched {
+            by.tell(&Event::Steps { stage, what, done: self.bar.position(), of });
+        }
+    }
+}
+
+impl<'a> Progress<'a> {
+    /// As it is shown on stderr, for the given stage if there is one.
+    pub fn on_stderr(self) -> Progress<'static> {
         match self {
-            Self::Shown(_) => Self::Shown(Some(stage)),
-            Self::Lines(_) => Self::Lines(Some(stage)),
-            Self::Hidden => Self::Hidden,
+            Self::Shown(stage) => Progress::Shown(stage),
+            Self::Lines(stage) => Progress::Lines(stage),
+            Self::Hidden => Progress::Hidden,
+            Self::Watched(watcher, stage) => match watcher.shown {
+                Progress::Shown(_) => Progress::Shown(stage),
+                Progress::Lines(_) => Progress::Lines(stage),
+                Progress::Hidden | Progress::Watched(..) => Progress::Hidden,
+            },
+        }
+    }
+
+    /// Checks whether the run goes on.
+    ///
+    /// # Errors
+    /// [`Cancelled`] if it was cancelled.
+    pub fn check(self) -> Result<(), Cancelled> {
+        match self {
+            Self::Watched(watcher, _) if watcher.cancel.is_cancelled() => Err(Cancelled),
+            _ => Ok(()),
         }
     }
 
     /// A bar of `length` steps with the title `what`; its message, if it gets one, is the name of the steps. It is
     /// drawn only if progress is [`Shown`](Self::Shown) and there are steps.
-    pub fn bar(self, what: &'static str, length: u64) -> ProgressBar {
-        self.bar_with(what, length, "{pos} of {len} {msg}")
+    pub fn bar(self, what: &'static str, length: u64) -> Bar<'a> {
+        self.watched_bar(what, length, "{pos} of {len} {msg}")
     }
 
     /// A bar of length [`WHOLE`], for work whose steps are not of one kind; its message says how much is done.
-    pub fn share_bar(self, what: &'static str) -> ProgressBar {
-        self.bar_with(what, WHOLE, "{msg}")
+    pub fn share_bar(self, what: &'static str) -> Bar<'a> {
+        self.watched_bar(what, WHOLE, "{msg}")
     }
 
-    fn bar_with(self, what: &'static str, length: u64, done: &'static str) -> ProgressBar {
-        let Self::Shown(stage) = self else { return ProgressBar::hidden() };
+    fn watched_bar(self, what: &'static str, length: u64, done: &'static str) -> Bar<'a> {
+        let watched = match self {
+            Self::Watched(by, stage) => Some(Watched { by, stage, what, of: length }),
+            _ => None,
+        };
+        Bar { bar: self.drawn_bar(what, length, done), watched }
+    }
+
+    fn drawn_bar(self, what: &'static str, length: u64, done: &'static str) -> ProgressBar {
+        let Progress::Shown(stage) = self.on_stderr() else { return ProgressBar::hidden() };
         if length == 0 {
             return ProgressBar::hidden();
         }
@@ -72,28 +212,32 @@ impl Progress {
 
     /// One line about something that takes a while or is done.
     pub fn line(self, text: &str) {
-        if self != Self::Hidden {
+        if !matches!(self.on_stderr(), Progress::Hidden) {
             show(text);
         }
     }
 
     /// The line for a stage that is done.
     pub fn stage_done(self, name: &str, seconds: f64) {
-        if let Self::Shown(stage) | Self::Lines(stage) = self {
+        if let Progress::Shown(stage) | Progress::Lines(stage) = self.on_stderr() {
             show(&format!("{} {seconds:6.1} s", title(stage, name)));
+        }
+        if let Self::Watched(watcher, stage) = self {
+            watcher.tell(&Event::StageDone { stage, name, seconds });
         }
     }
 
     /// Shows the remaining time of a wait for `reason`, such as "as the server asks".
     pub fn countdown(self, reason: &'static str) -> Countdown {
-        let bar = match self {
-            Self::Lines(_) | Self::Hidden => ProgressBar::hidden(),
-            Self::Shown(_) => {
+        let progress = self.on_stderr();
+        let bar = match progress {
+            Progress::Lines(_) | Progress::Hidden | Progress::Watched(..) => ProgressBar::hidden(),
+            Progress::Shown(_) => {
                 let style = ProgressStyle::with_template("{msg}").expect("the template is a constant");
                 BARS.add(ProgressBar::new_spinner()).with_style(style)
             }
         };
-        Countdown { progress: self, reason, bar, told: None }
+        Countdown { progress, reason, bar, told: None }
     }
 }
 
@@ -166,7 +310,8 @@ impl ProgressTracker for TimeLeft {
 
 /// A wait whose remaining time is shown; the line is removed when this is dropped.
 pub struct Countdown {
-    progress: Progress,
+    /// As on stderr.
+    progress: Progress<'static>,
     reason: &'static str,
     bar: ProgressBar,
     /// The remaining time in the last log line.
@@ -183,7 +328,7 @@ impl Countdown {
                 show(&text);
                 self.told = Some(left);
             }
-            Progress::Lines(_) | Progress::Hidden => {}
+            Progress::Lines(_) | Progress::Hidden | Progress::Watched(..) => {}
         }
     }
 }
@@ -253,7 +398,36 @@ mod tests {
 
     #[test]
     fn nothing_to_do_has_no_bar() {
-        assert!(Progress::Shown(None).bar("query", 0).is_hidden());
-        assert!(Progress::Lines(None).bar("query", 3).is_hidden() && Progress::Hidden.share_bar("segment").is_hidden());
+        assert!(Progress::Shown(None).bar("query", 0).bar.is_hidden());
+        assert!(Progress::Lines(None).bar("query", 3).bar.is_hidden());
+        assert!(Progress::Hidden.share_bar("segment").bar.is_hidden());
+    }
+
+    #[test]
+    fn a_listener_is_told_the_steps_of_a_stage_and_its_end() {
+        let told = Arc::new(std::sync::Mutex::new(Vec::new()));
+        let listener = {
+            let told = Arc::clone(&told);
+            move |event: &Event| told.lock().unwrap().push(format!("{event:?}"))
+        };
+        let watcher = Watcher { listener: Some(Arc::new(listener)), ..Watcher::default() };
+        let progress = Progress::Watched(&watcher, Some(StageNumber { number: 2, of: 9 }));
+        let bar = progress.bar("vote", 3);
+        bar.inc(1);
+        bar.inc(2);
+        progress.stage_done("vote", 0.5);
+        let told = told.lock().unwrap();
+        let has = |n: usize, words: &[&str]| words.iter().all(|word| told[n].contains(word));
+        assert!(has(0, &["number: 2", "vote", "done: 1", "of: 3"]) && has(1, &["done: 3"]), "{told:?}");
+        assert!(told.len() == 3 && has(2, &["StageDone", "0.5"]), "{told:?}");
+    }
+
+    #[test]
+    fn a_token_cancels_what_was_given_it() {
+        let watcher = Watcher::default();
+        let (watched, token) = (Progress::Watched(&watcher, None), watcher.cancel.clone());
+        assert_eq!((watched.check(), Progress::Hidden.check()), (Ok(()), Ok(())));
+        token.cancel();
+        assert_eq!((watched.check(), Progress::Hidden.check()), (Err(Cancelled), Ok(())));
     }
 }

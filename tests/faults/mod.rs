@@ -32,9 +32,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::{Duration, SystemTime};
 
-use gprop::exit::Exit;
+use gprop::ErrorKind;
 use gprop::pipeline::{Options, Pipeline, Plan, Stage};
-use gprop::segment;
 
 use crate::batch::ball::Balls;
 use crate::batch::contents;
@@ -142,11 +141,9 @@ fn a_folder_that_may_only_be_read() {
 
 /// A run on the first ball up to the parts, whose answers are recorded.
 fn open(balls: &Balls, to: Stage) -> Result<Pipeline, gprop::Error> {
-    let options = Options {
-        segment: segment::Options { segments: Some(balls.labels(0)), ..segment::Options::default() },
-        ..Options::default()
-    };
-    Pipeline::builder(balls.scene(0)).options(options).plan(Plan { to, from: None }).open()
+    let mut options = Options::default();
+    options.segment.segments = Some(balls.labels(0));
+    Pipeline::builder(balls.scene(0)).options(options).plan(Plan::to(to)).open()
 }
 
 #[test]
@@ -157,7 +154,7 @@ fn a_file_goes_while_it_is_worked_on() {
         let mut pipeline = open(&balls, Stage::Segment).unwrap();
         fs::remove_file(balls.scene(0).join(gone)).unwrap();
         let error = pipeline.run().unwrap_err();
-        assert_eq!(error.kind(), Exit::Scene, "{error}");
+        assert_eq!(error.kind(), ErrorKind::Scene, "{error}");
         assert!(error.to_string().contains(gone), "{error}");
     }
     // Files that gprop wrote itself are made again.

@@ -78,17 +78,7 @@ fn hammer() -> (Parts, Vec<FieldLabel>) {
         label(0, Estimate::new(0.6, 0.7, 0.8), Estimate::new(40e6, 50e6, 60e6), Estimate::new(10e9, 12e9, 14e9)),
         label(1, Estimate::new(0.5, 0.6, 0.7), Estimate::exactly(300e6), Estimate::exactly(200e9)),
     ];
-    let parts = Parts {
-        object,
-        parts,
-        fillings: Vec::new(),
-        known_mass: None,
-        meters_per_unit: None,
-        estimated_scale: None,
-        warnings: Vec::new(),
-        notes: Vec::new(),
-    };
-    (parts, labels)
+    (Parts::new(object, parts), labels)
 }
 
 fn paper() -> GripperProfile {

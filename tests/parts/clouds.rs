@@ -105,16 +105,8 @@ impl Cloud {
 
     /// The field that labels each Gaussian with its part; `forms` per part, density 1000 kg/m^3.
     pub fn field(&self, forms: &[Form]) -> MaterialField {
-        let count = self.points.len();
-        MaterialField {
-            labels: forms.iter().enumerate().map(|(id, form)| label(id as u32, *form)).collect(),
-            part_label: self.points.iter().map(|(_, _, part)| *part).collect(),
-            confidence: vec![1.0; count],
-            votes: vec![1.0; count],
-            views: vec![1; count],
-            warnings: Vec::new(),
-            notes: Vec::new(),
-        }
+        let labels = forms.iter().enumerate().map(|(id, form)| label(id as u32, *form)).collect();
+        MaterialField::known(labels, self.points.iter().map(|(_, _, part)| *part).collect())
     }
 }
 

@@ -89,15 +89,11 @@ fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
         let (_, found) = nearest.find(scene.gaussians.positions[i], 1)[0];
         seen[seen_ones[found as usize]].unwrap()
     };
-    MaterialField {
-        labels: visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect(),
-        part_label: (0..count).into_par_iter().map(|i| seen[i].unwrap_or_else(|| of_nearest(i))).collect(),
-        confidence: vec![1.0; count],
-        votes: vec![1.0; count],
-        views: seen.iter().map(|s| u16::from(s.is_some())).collect(),
-        warnings: Vec::new(),
-        notes: Vec::new(),
-    }
+    let labels = visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect();
+    let part_label = (0..count).into_par_iter().map(|i| seen[i].unwrap_or_else(|| of_nearest(i))).collect();
+    let mut field = MaterialField::known(labels, part_label);
+    field.views = seen.iter().map(|s| u16::from(s.is_some())).collect();
+    field
 }
 
 /// Per Gaussian and label: the number of views in which the true part at the Gaussian's centre has this label.

@@ -322,7 +322,7 @@ fn answers_survive_json_lines() {
     ];
     let segments =
         (1..).zip(outcomes).map(|(segment, outcome)| SegmentAnswer { view: "000".into(), segment, outcome }).collect();
-    let answers = Answers { segments };
+    let answers = Answers::new(segments);
     let text = answers.to_jsonl();
     assert_eq!(text.lines().count(), 4);
     assert_eq!(Answers::from_jsonl(&text).unwrap(), answers);

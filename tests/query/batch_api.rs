@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use gprop::error::UsageError;
 use gprop::materials::MaterialLibrary;
 use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects};
 use gprop::query::ask::rounds::Subject;
@@ -351,7 +350,7 @@ fn a_replay_submits_nothing() {
     let (server, place) = (BatchApiServer::new(&good()), Place::new());
     let options = Options { answers: AnswerSource::Replay, ..server.options() };
     let error = place.query_session(&options).submit().unwrap_err();
-    assert!(error.is::<UsageError>() && error.to_string().contains("--answers replay"), "{error:#}");
+    assert!(error.kind() == gprop::ErrorKind::Usage && error.to_string().contains("--answers replay"), "{error:#}");
     assert_eq!((server.uploads(), place.home.path().join("recorded").exists()), (0, false), "nothing was sent");
 }
 

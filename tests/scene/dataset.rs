@@ -49,7 +49,7 @@ fn a_scale_that_a_data_set_states_after_a_run_counts() {
         std::fs::copy(original.join(file), scene.join(file)).unwrap();
     }
     let scale = || {
-        let plan = Plan { to: Stage::Scene, from: None };
+        let plan = Plan::to(Stage::Scene);
         Pipeline::builder(&scene).plan(plan).open().unwrap().run().unwrap();
         let views = std::fs::read(scene.join("gprop/views.json")).unwrap();
         serde_json::from_slice::<serde_json::Value>(&views).unwrap()["scale"]["meters_per_unit"].as_f64()

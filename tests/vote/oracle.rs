@@ -26,7 +26,7 @@ pub fn true_answers(measured: &Measured, maps: &[(View, LabelMap)]) -> Answers {
             }
         }
     }
-    Answers { segments }
+    Answers::new(segments)
 }
 
 /// The true part that each Gaussian was voted to be.

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::grasp::predicted::GraspedObject;
 use crate::evaluate::grasp::{self as rates, Evaluation, truth};
@@ -17,7 +17,7 @@ use super::super::{Global, print};
 use super::{check_truth, one_scene_only};
 
 /// Rates of recorded outcomes.
-pub fn evaluate_recorded(global: &Global, outcomes: &Path) -> anyhow::Result<()> {
+pub fn evaluate_recorded(global: &Global, outcomes: &Path) -> Result<()> {
     let found = Evaluation::of_recorded(&rates::outcomes(outcomes)?);
     print(global, &found, || found.text())
 }
@@ -29,11 +29,11 @@ pub fn evaluate(
     out: Option<&Path>,
     allow_read: &[PathBuf],
     gripper: &str,
-) -> anyhow::Result<()> {
+) -> Result<()> {
     one_scene_only(scenes.len(), out)?;
     let gripper = GripperProfile::load(gripper)?;
     let objects = scenes.iter().map(|scene| grasped(scene, out, allow_read, &gripper));
-    let found = Evaluation::of_objects(objects.collect::<anyhow::Result<_>>()?);
+    let found = Evaluation::of_objects(objects.collect::<Result<_>>()?);
     print(global, &found, || found.text())
 }
 
@@ -43,7 +43,7 @@ fn grasped(
     out: Option<&Path>,
     allow_read: &[PathBuf],
     gripper: &GripperProfile,
-) -> anyhow::Result<GraspedObject> {
+) -> Result<GraspedObject> {
     let stored = Stored::open(folder, out, &[Stage::Grasp])?;
     let path = stored.path(Artifact::Grasp);
     let report: Option<GraspReport> = workdir::read_json(&path)?;

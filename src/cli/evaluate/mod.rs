@@ -9,10 +9,9 @@ mod segmentation;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use anyhow::Context;
 use image::GrayImage;
 
-use crate::error::UsageError;
+use crate::error::{Context, Result, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::filling;
 use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
@@ -42,7 +41,7 @@ use super::{Evaluate, Global, options_of, print};
 const TRUE_MAPS: &str = "ground_truth/part_maps";
 
 /// `gprop evaluate`.
-pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
+pub fn evaluate(global: &Global, what: &Evaluate) -> Result<()> {
     match what {
         Evaluate::Grasp { outcomes: Some(outcomes), .. } => grasp::evaluate_recorded(global, outcomes),
         Evaluate::Grasp { scenes, out, gripper, allowed, .. } => {
@@ -74,31 +73,21 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> anyhow::Result<()> {
     }
 }
 
-fn evaluate_masses(
-    global: &Global,
-    scenes: &[PathBuf],
-    out: Option<&Path>,
-    allow_read: &[PathBuf],
-) -> anyhow::Result<()> {
+fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>, allow_read: &[PathBuf]) -> Result<()> {
     one_scene_only(scenes.len(), out)?;
-    let weigh = |scene: &PathBuf| -> anyhow::Result<_> {
+    let weigh = |scene: &PathBuf| -> Result<_> {
         let id = scene.file_name().unwrap_or(scene.as_os_str()).to_string_lossy();
         let parts = Stored::open(scene, out, &[Stage::Parts])?.path(Artifact::Parts);
         let truth = scene.join("ground_truth/parts.json");
         check_truth(&truth, &ReadScope::new(scene).and(allow_read.iter().map(PathBuf::as_path)))?;
         Ok(masses::from_scene(&id, &parts, &truth, &shown_parts(global, scene, out, allow_read)?)?)
     };
-    let found = masses::evaluate(scenes.iter().map(weigh).collect::<anyhow::Result<_>>()?)?;
+    let found = masses::evaluate(scenes.iter().map(weigh).collect::<Result<_>>()?)?;
     print(global, &found, || mass::text(&found))
 }
 
 /// For each part that was found, by its id, the true part that it mostly shows; empty if the scene has no true part maps.
-fn shown_parts(
-    global: &Global,
-    scene: &Path,
-    out: Option<&Path>,
-    allow_read: &[PathBuf],
-) -> anyhow::Result<BTreeMap<u32, u8>> {
+fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>, allow_read: &[PathBuf]) -> Result<BTreeMap<u32, u8>> {
     if !scene.join(TRUE_MAPS).exists() {
         return Ok(BTreeMap::new());
     }
@@ -107,11 +96,11 @@ fn shown_parts(
     let mapped = open.scene.views.iter().filter(|view| true_map(scene, view).exists());
     let views = mapped.map(|view| true_view(scene, view, &open.options.scene, false));
     let part_ids: Vec<u32> = field.part_ids().collect();
-    Ok(most_shown(&gaussians, &part_ids, &views.collect::<anyhow::Result<Vec<_>>>()?))
+    Ok(most_shown(&gaussians, &part_ids, &views.collect::<Result<Vec<_>>>()?))
 }
 
 /// The scenes of a data set that states their weights.
-fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: Option<&Path>) -> anyhow::Result<()> {
+fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: Option<&Path>) -> Result<()> {
     let listed = dataset::list(folder, None)?.scenes;
     let chosen = listed.into_iter().filter(|entry| split.is_none() || entry.split.as_deref() == split);
     let (mut objects, mut missing, mut weights) = (Vec::new(), Vec::new(), 0);
@@ -140,7 +129,7 @@ fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: O
     print(global, &found, || mass::text(&found))
 }
 
-fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>, allow_read: &[PathBuf]) -> anyhow::Result<()> {
+fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>, allow_read: &[PathBuf]) -> Result<()> {
     let readings = hardness::read_points(points)?;
     let mut scenes: Vec<&Path> = readings.iter().map(|(_, reading)| reading.scene.as_path()).collect();
     scenes.sort_unstable();
@@ -161,7 +150,7 @@ fn measure(
     scene: &Path,
     readings: &[&(u64, Reading)],
     (out, allow_read): (Option<&Path>, &[PathBuf]),
-) -> anyhow::Result<Vec<Measured>> {
+) -> Result<Vec<Measured>> {
     let folder = points.parent().unwrap_or(Path::new("")).join(scene);
     let stored = Stored::open(&folder, out, &[Stage::Vote])?;
     let options = stored.options(&folder, out.is_some(), allow_read)?.scene;
@@ -228,7 +217,7 @@ fn scores_text(scores: &Scores, unit: &str) -> String {
     )
 }
 
-fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> {
+fn evaluate_simulation(global: &Global, reference: &Path) -> Result<()> {
     let bytes = files::read(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
     let mut npz = Npz::new(bytes).map_err(SimulationError::Npz).with_context(|| format!("{reference:?}"))?;
     if npz.has("count0") {
@@ -239,7 +228,7 @@ fn evaluate_simulation(global: &Global, reference: &Path) -> anyhow::Result<()> 
     print(global, &comparison, || comparison.to_string())
 }
 
-fn evaluate_prompts(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
+fn evaluate_prompts(global: &Global, asked: &TrueParts) -> Result<()> {
     refuse_segments(asked)?;
     let mut rows = Vec::new();
     for folder in &asked.scenes {
@@ -248,11 +237,11 @@ fn evaluate_prompts(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
         let segment = &segment::Options { cache_embeddings: false, ..segment.clone() };
         let segmenter = open_segmenter(setup, segment, global.progress())?;
         let scene = scene::load(folder, options)?;
-        let true_view = |view: scene::View| -> anyhow::Result<prompts::TruePhoto> {
+        let true_view = |view: scene::View| -> Result<prompts::TruePhoto> {
             let parts = true_parts(folder, &view, options)?;
             Ok(prompts::TruePhoto { photo: photo_with_foreground(&scene, &view)?, name: view.name, parts })
         };
-        let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<anyhow::Result<_>>()?;
+        let views: Vec<_> = scene.chosen_views(options)?.into_iter().map(true_view).collect::<Result<_>>()?;
         rows.push(prompts::compare(&segmenter, &scene.name, &views, segment)?);
         global.progress().line(&format!("{} done", scene.name));
     }
@@ -297,7 +286,7 @@ fn refuse_segments(asked: &TrueParts) -> Result<(), UsageError> {
 }
 
 /// The true part map of a view.
-fn true_parts(folder: &Path, view: &scene::View, options: &scene::Options) -> anyhow::Result<GrayImage> {
+fn true_parts(folder: &Path, view: &scene::View, options: &scene::Options) -> Result<GrayImage> {
     let path = true_map(folder, view);
     check_truth(&path, &options.read_scope(folder))?;
     let parts = part_map(&path)?;
@@ -321,7 +310,7 @@ fn part_map(path: &Path) -> Result<GrayImage, UsageError> {
 }
 
 /// A view with its true part map; `segmented` says whether the parts were found with the help of this view.
-fn true_view(folder: &Path, view: &scene::View, options: &scene::Options, segmented: bool) -> anyhow::Result<TrueView> {
+fn true_view(folder: &Path, view: &scene::View, options: &scene::Options, segmented: bool) -> Result<TrueView> {
     let parts = true_parts(folder, view, options)?;
     Ok(TrueView { name: view.name.clone(), camera: view.camera.clone(), parts, segmented })
 }
@@ -335,7 +324,7 @@ fn read_picture(path: &Path) -> image::ImageResult<image::DynamicImage> {
     image::ImageReader::new(files::picture(path)?).with_guessed_format()?.decode()
 }
 
-fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> anyhow::Result<()> {
+fn evaluate_masks(global: &Global, image: &Path, reference: &Path, setup: &setup::Options) -> Result<()> {
     let picture = read_picture(image).map_err(|error| UsageError(format!("{image:?}: {error}")))?.into_rgb8();
     let json = files::read_to_string(reference).map_err(|error| UsageError(format!("{reference:?}: {error}")))?;
     let reference = Reference::from_json(&json).with_context(|| format!("{reference:?}"))?;

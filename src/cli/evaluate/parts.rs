@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use rayon::prelude::*;
 
 use crate::consensus::{self, SegmentedView};
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::evaluate::parts::{PartsEvaluation, TrueView, compare, compare_segments};
 use crate::from_splat::photo_with_foreground;
 use crate::pipeline::{self, open_segmenter};
@@ -16,10 +16,10 @@ use super::super::arguments::TrueParts;
 use super::super::{Global, options_of, print};
 use super::{refuse_segments, true_map, true_view};
 
-pub fn evaluate(global: &Global, asked: &TrueParts) -> anyhow::Result<()> {
+pub fn evaluate(global: &Global, asked: &TrueParts) -> Result<()> {
     refuse_segments(asked)?;
     let load = |folder: &PathBuf| TrueScene::load(folder, options_of(folder, &global.flags.typed)?);
-    let scenes = asked.scenes.iter().map(load).collect::<anyhow::Result<Vec<_>>>()?;
+    let scenes = asked.scenes.iter().map(load).collect::<Result<Vec<_>>>()?;
     let mut found = Vec::with_capacity(scenes.len());
     for scene in &scenes {
         found.push(scene.evaluate(global)?);
@@ -38,13 +38,13 @@ struct TrueScene {
 }
 
 impl TrueScene {
-    fn load(folder: &Path, options: pipeline::Options) -> anyhow::Result<Self> {
+    fn load(folder: &Path, options: pipeline::Options) -> Result<Self> {
         let scene = scene::load(folder, &options.scene)?;
         let chosen = scene.chosen_views(&options.scene)?;
         let is_chosen = |view: &View| chosen.iter().any(|other| other.name == view.name);
         let labelled = scene.views.iter().filter(|view| true_map(folder, view).exists());
         let truth = labelled.map(|view| true_view(folder, view, &options.scene, is_chosen(view)));
-        let truth: Vec<TrueView> = truth.collect::<anyhow::Result<_>>()?;
+        let truth: Vec<TrueView> = truth.collect::<Result<_>>()?;
         if truth.iter().all(|view| view.segmented) {
             return Err(UsageError(format!(
                 "{folder:?}: no view with a map in ground_truth/part_maps is left to compare with, because {} would be \
@@ -56,13 +56,13 @@ impl TrueScene {
         Ok(Self { scene, options, chosen, truth })
     }
 
-    fn evaluate(&self, global: &Global) -> anyhow::Result<PartsEvaluation> {
+    fn evaluate(&self, global: &Global) -> Result<PartsEvaluation> {
         let segment = &self.options.segment;
         let segmenter = open_segmenter(&self.options.setup, segment, global.progress())?;
-        let segments_of = |view: &View| -> anyhow::Result<_> {
+        let segments_of = |view: &View| -> Result<_> {
             Ok(segmenter.segment_view(&view.name, &photo_with_foreground(&self.scene, view)?, segment, &())?)
         };
-        let found = self.chosen.par_iter().map(segments_of).collect::<anyhow::Result<Vec<_>>>()?;
+        let found = self.chosen.par_iter().map(segments_of).collect::<Result<Vec<_>>>()?;
         let views = self.chosen.iter().zip(&found);
         let views: Vec<SegmentedView> =
             views.map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use image::GrayImage;
 
 use crate::consensus::sharpness;
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::evaluate::parts::{NO_PART, TrueView};
 use crate::evaluate::robustness::{Robustness, VotingView, measure, text};
 use crate::from_splat::photo_with_foreground;
@@ -23,7 +23,7 @@ pub fn evaluate(
     few: NonZeroUsize,
     out: Option<&Path>,
     allow_read: &[PathBuf],
-) -> anyhow::Result<()> {
+) -> Result<()> {
     one_scene_only(scenes.len(), out)?;
     let mut measured: Vec<Robustness> = Vec::with_capacity(scenes.len());
     for folder in scenes {
@@ -34,12 +34,12 @@ pub fn evaluate(
     print(global, &measured, || text(&measured))
 }
 
-fn of_scene(folder: &Path, open: &OpenScene, few: NonZeroUsize) -> anyhow::Result<Robustness> {
+fn of_scene(folder: &Path, open: &OpenScene, few: NonZeroUsize) -> Result<Robustness> {
     let (scene, options) = (&open.scene, &open.options);
     let parts = |view: &View| true_parts(folder, view, &options.scene);
     let others = scene.views.iter().filter(|view| !open.votes(&view.name) && true_map(folder, view).exists());
     let compared = others.map(|view| true_view(folder, view, &options.scene, false));
-    let compared: Vec<TrueView> = compared.collect::<anyhow::Result<_>>()?;
+    let compared: Vec<TrueView> = compared.collect::<Result<_>>()?;
     if compared.is_empty() {
         return Err(UsageError(format!(
             "{folder:?}: every view with a map in ground_truth/part_maps votes, so none is left to compare with; run it \
@@ -63,7 +63,7 @@ fn of_scene(folder: &Path, open: &OpenScene, few: NonZeroUsize) -> anyhow::Resul
             segments,
         })
     });
-    let voting: Vec<VotingView> = voting.collect::<anyhow::Result<_>>()?;
+    let voting: Vec<VotingView> = voting.collect::<Result<_>>()?;
     if voting.iter().all(|view| shows_no_part(&view.parts)) {
         return Err(no_part("vote").into());
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::label_maps::LabelMaps;
 use crate::evaluate::segmentation::{LabelledView, NamedField, ObjectTallies, SegmentationEvaluation, tallies};
@@ -21,10 +21,10 @@ pub fn evaluate(
     (truth, labels): (&Path, Vocabulary),
     out: Option<&Path>,
     allow_read: &[PathBuf],
-) -> anyhow::Result<()> {
+) -> Result<()> {
     one_scene_only(scenes.len(), out)?;
     let opened = scenes.iter().map(|scene| stored::open(scene, out, allow_read, Stage::Vote, global.progress()));
-    let opened: Vec<OpenScene> = opened.collect::<anyhow::Result<_>>()?;
+    let opened: Vec<OpenScene> = opened.collect::<Result<_>>()?;
     require_distinct_names(&opened)?;
     let objects = opened.iter().zip(scenes).map(|(open, scene)| {
         let maps = folder_of(truth, scene, &open.scene.name, scenes.len());
@@ -33,7 +33,7 @@ pub fn evaluate(
         }
         count(open, &maps, labels)
     });
-    let found = SegmentationEvaluation::of(labels, objects.collect::<anyhow::Result<_>>()?);
+    let found = SegmentationEvaluation::of(labels, objects.collect::<Result<_>>()?);
     print(global, &found, || found.text())
 }
 
@@ -59,7 +59,7 @@ fn folder_of(truth: &Path, scene: &Path, name: &str, scenes: usize) -> PathBuf {
     }
 }
 
-fn count<'a>(open: &'a OpenScene, folder: &Path, labels: Vocabulary) -> anyhow::Result<ObjectTallies<'a>> {
+fn count<'a>(open: &'a OpenScene, folder: &Path, labels: Vocabulary) -> Result<ObjectTallies<'a>> {
     let library = &open.library;
     let (scene, variants) = (&open.scene, variants(open)?);
     let views = labelled_views(open, folder, labels, library)?;

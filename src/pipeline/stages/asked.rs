@@ -5,9 +5,8 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use anyhow::Result;
-
 use crate::consensus::Asked;
+use crate::error::Result;
 use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
 use crate::query::question::About;
 use crate::query::{Answers, Outcome, SegmentAnswer};

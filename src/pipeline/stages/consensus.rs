@@ -1,12 +1,12 @@
 //! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. None of these are there if
 //! the model is asked about segments.
 
-use anyhow::Result;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::consensus::masks::{PartMasks, part_masks};
 use crate::consensus::{self, Asked, Part, Parts, SegmentedView};
+use crate::error::Result;
 use crate::files::npz::NpzWriter;
 use crate::scene::View;
 use crate::segment::{LabelMap, Segmentation};
@@ -86,7 +86,7 @@ fn find(open: &OpenScene, segmentation: &Segmentation) -> Result<Found> {
     let views = open.views.iter().zip(&segmentation.views);
     let views: Vec<SegmentedView> =
         views.map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();
-    let parts = consensus::find(gaussians, &views, open.progress);
+    let parts = consensus::find(gaussians, &views, open.progress());
     let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(gaussians, &parts, view)).collect();
     let sharpness = |view: &View| Ok(consensus::sharpness(&view.photo()?.rgb));
     let sharpness = open.views.par_iter().map(sharpness).collect::<Result<Vec<_>>>()?;

@@ -3,9 +3,8 @@
 
 use std::sync::Arc;
 
-use anyhow::Result;
-
 use crate::camera::Camera;
+use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::grasp::candidates::REPORTED;
 use crate::grasp::surface::Surface;

@@ -20,11 +20,11 @@ pub mod segment;
 pub mod simulate;
 pub mod vote;
 
-use anyhow::Result;
 use clap::ValueEnum;
 use serde::{Deserialize, Serialize};
 
 use super::hasher::Hasher;
+use crate::error::Result;
 use crate::workdir::Artifact;
 
 pub(crate) use done::Done;

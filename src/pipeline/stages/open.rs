@@ -6,17 +6,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use anyhow::Result;
-
 use super::{Stage, Stored, scene};
-use crate::error::UsageError;
+use crate::error::{Result, UsageError};
 use crate::from_splat::{self, photo_with_foreground};
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::MaterialLibrary;
 use crate::pipeline::options::Options;
 use crate::pipeline::segment_files::check_formats;
 use crate::scene::{Photo, Scene, SceneError, View};
-use crate::words::progress::Progress;
+use crate::words::progress::{Progress, StageNumber, Watcher};
 use crate::workdir::WorkDir;
 
 /// A scene with its options and its work folder, whose lock it holds. Stages only read it.
@@ -30,7 +28,10 @@ pub struct OpenScene {
     pub scene: Scene,
     /// The chosen views.
     pub views: Vec<View>,
-    pub progress: Progress,
+    /// Who follows the run.
+    pub watcher: Watcher,
+    /// The stage that is being done.
+    pub number: Option<StageNumber>,
     kept: Kept,
 }
 
@@ -67,7 +68,7 @@ impl OpenScene {
         mut scene: Scene,
         Tools { library, gripper }: Tools,
         options: Options,
-        progress: Progress,
+        watcher: Watcher,
     ) -> Result<Self> {
         check_formats(&options.segment.also)?;
         if let Some(count) = options.scene.render_views {
@@ -85,9 +86,15 @@ impl OpenScene {
             views: scene.chosen_views(&options.scene)?,
             scene,
             options,
-            progress,
+            watcher,
+            number: None,
             kept: Kept::default(),
         })
+    }
+
+    /// Where to tell progress.
+    pub(crate) fn progress(&self) -> Progress<'_> {
+        Progress::Watched(&self.watcher, self.number)
     }
 
     /// A stored result. It is read once.

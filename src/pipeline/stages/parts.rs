@@ -3,11 +3,11 @@
 
 use std::sync::Arc;
 
-use anyhow::Result;
 use image::GrayImage;
 use rayon::prelude::*;
 use serde::Serialize;
 
+use crate::error::Result;
 use crate::parts::{self, Interior, Options, Parts, Shape};
 use crate::scene::View;
 use crate::units::{Estimate, MetricScale, Range};
@@ -73,7 +73,7 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
         &coverage(&open.scene.views, &open.options.parts)?,
         scale.as_ref(),
         &open.options.parts,
-        open.progress,
+        open.progress(),
     )?;
     let mut warnings = result.warnings.clone();
     match result.metric() {

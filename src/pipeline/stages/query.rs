@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use anyhow::Result;
 use serde::{Deserialize, Serialize};
 
 use crate::consensus::Asked;
+use crate::error::Result;
 use crate::query::{
     AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, SegmentAnswer, SizeAnswer, SizeOutcome,
     SizeQuery,
@@ -144,7 +144,7 @@ pub fn session<'a>(open: &'a OpenScene, about: &'a AskedAbout, options: &'a Opti
     let asks_size = open.options.scene.scale == ScaleChoice::Estimate;
     let size_in = if asks_size { fullest_view(open) } else { None };
     let subjects = Subjects { views, subjects, ask_views, about: about.about(), size_in };
-    QuerySession::new(options, subjects, &open.library, &open.folder, &open.work, network, open.progress)
+    QuerySession::new(options, subjects, &open.library, &open.folder, &open.work, network, open.progress())
 }
 
 /// Estimates what a query would send, and its cost.

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use crate::error::Result;
 use crate::gaussians::bounds::longest_side;
-use anyhow::Result;
 use nalgebra::Point3;
 use rayon::prelude::*;
 

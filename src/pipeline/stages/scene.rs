@@ -4,10 +4,10 @@ use std::borrow::Cow;
 use std::iter;
 use std::path::Path;
 
-use anyhow::Result;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
+use crate::error::Result;
 use crate::inspect;
 use crate::scene::{Options, ScaleChoice, Scene, SceneError};
 use crate::units::MetricScale;

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
 
-use anyhow::Result;
 use rayon::prelude::*;
 
 use super::scene::{file_digest, gaussians_key};
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never};
 use crate::camera::Intrinsics;
+use crate::error::Result;
 use crate::pipeline::hasher::Hasher;
 use crate::pipeline::segment_files::{
     SegmentsFile, are_nested, models_key, open_segmenter, remove_other_formats, shows_only, stored_segments,
@@ -69,14 +69,15 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
 /// Finds the segments of the named views with SAM.
 fn segment(open: &OpenScene, names: &[&str], keys: &ViewKeys, file: &mut SegmentsFile) -> Result<()> {
     let options = &open.options.segment;
-    let segmenter = open_segmenter(&open.options.setup, options, open.progress)?;
+    let segmenter = open_segmenter(&open.options.setup, options, open.progress())?;
     let load = |name: &str| Ok(open.photo(view(open, name))?);
     let file = Mutex::new(file);
-    let save = |done: &ViewSegments| {
+    let save = |done: &ViewSegments| -> Result<()> {
         let mut file = file.lock().expect("a thread that panicked ended the process");
-        file.save(&open.work, done, keys[done.view.as_str()].clone())
+        file.save(&open.work, done, keys[done.view.as_str()].clone())?;
+        Ok(open.progress().check()?)
     };
-    segment_views(&segmenter, names, &load, options, open.progress, &save)?;
+    segment_views(&segmenter, names, &load, options, open.progress(), &save)?;
     Ok(())
 }
 

@@ -3,11 +3,10 @@
 use std::io::{BufWriter, IntoInnerError, Write};
 use std::path::{Path, PathBuf};
 
-use anyhow::{Context, Result};
 use rayon::prelude::*;
 
 use crate::camera::Camera;
-use crate::error::UsageError;
+use crate::error::{Context, Result, UsageError};
 use crate::gaussians::Gaussians;
 use crate::scene;
 use crate::scene::splat::ply;
@@ -83,11 +82,14 @@ fn simulated(open: &OpenScene, job: &Job) -> Result<SimulationReport> {
         let splat = || work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]));
         let states = || work.write_with(Artifact::States(frame.index), |out| snapshot.write_states(out));
         let (splat, states) = rayon::join(splat, states);
-        splat.and(states)?;
-        save_checkpoint(work, job.key, frame.index, snapshot)
+        splat.and(states).context(NOT_KEPT)?;
+        save_checkpoint(work, job.key, frame.index, snapshot).context(NOT_KEPT)
     };
-    let mut save = |frame: &Frame, snapshot: &Snapshot| save(frame, snapshot).context(NOT_KEPT);
-    simulate::simulate(&input, &open.options.simulate, checkpoint(work, job), &mut save, open.progress)
+    let mut save = |frame: &Frame, snapshot: &Snapshot| -> Result<()> {
+        save(frame, snapshot)?;
+        Ok(open.progress().check()?)
+    };
+    simulate::simulate(&input, &open.options.simulate, checkpoint(work, job), &mut save, open.progress())
 }
 
 /// The camera of the photo that the user wants to film from.
@@ -107,7 +109,7 @@ fn film(open: &OpenScene, report: &SimulationReport, photo: Option<&Camera>) -> 
     };
     let simulated = simulate::simulated(gaussians);
     let shooting = Shooting::new(report, &open.options.simulate.viewpoint, photo, &simulated);
-    let films = shooting.films(&mut load, open.progress)?;
+    let films = shooting.films(&mut load, open.progress())?;
     work.write(Artifact::Animation, &films.animation)?;
     let (artifact, bytes, other) = match films.film {
         Film::Mp4(bytes) => (Artifact::FilmMp4, bytes, Artifact::FilmGif),
@@ -118,7 +120,7 @@ fn film(open: &OpenScene, report: &SimulationReport, photo: Option<&Camera>) -> 
         work.remove(other)?;
     }
     if let Some(error) = films.failure {
-        open.progress.line(&format!("the film is a GIF instead of an MP4: {error}"));
+        open.progress().line(&format!("the film is a GIF instead of an MP4: {error}"));
     }
     Ok(artifact)
 }

@@ -4,9 +4,9 @@
 use std::borrow::Cow;
 use std::path::Path;
 
-use anyhow::Result;
 use image::RgbImage;
 
+use crate::error::Result;
 use crate::gaussians::Gaussians;
 use crate::pictures::figure::{self, Object, Shown};
 use crate::pictures::{field_colors, framing, thumbnail};
@@ -63,9 +63,9 @@ pub fn elect(
 ) -> Result<MaterialField, VoteError> {
     let (gaussians, library, options) = (&open.scene.gaussians, &*open.library, &open.options.vote);
     match about {
-        AskedAbout::Segments(_) => vote(gaussians, views, answers, library, options, open.progress),
+        AskedAbout::Segments(_) => vote(gaussians, views, answers, library, options, open.progress()),
         AskedAbout::Parts(found) => {
-            vote_on_parts(gaussians, views, &found.answered(answers), library, options, open.progress)
+            vote_on_parts(gaussians, views, &found.answered(answers), library, options, open.progress())
         }
     }
 }
@@ -160,15 +160,7 @@ mod tests {
         let pipeline = Pipeline::builder(hammer).out(folder.path().join("out")).open().unwrap();
         let open = pipeline.opened();
         let count = open.scene.gaussians.len();
-        let field = MaterialField {
-            labels: Vec::new(),
-            part_label: vec![0; count],
-            confidence: vec![1.0; count],
-            votes: vec![1.0; count],
-            views: vec![1; count],
-            warnings: Vec::new(),
-            notes: Vec::new(),
-        };
+        let field = MaterialField::known(Vec::new(), vec![0; count]);
         let with_alpha = open.scene.views.iter().find(|view| view.name == "003").unwrap();
         let opaque = View { image: folder.path().join("003.png"), ..with_alpha.clone() };
         image::open(&with_alpha.image).unwrap().into_rgb8().save(&opaque.image).unwrap();

@@ -23,7 +23,7 @@ pub struct Live<'a> {
     pub recordings: &'a Recordings,
     pub asker: &'a dyn Asker,
     pub budget: &'a Budget,
-    pub progress: Progress,
+    pub progress: Progress<'a>,
 }
 
 /// Why asking stops for all segments.
@@ -78,6 +78,7 @@ impl<'a> Live<'a> {
         mut question: &'a Question,
         so_far: Match,
     ) -> Result<Option<Outcome>, Stop> {
+        self.progress.check().map_err(|cancelled| Stop::Error(cancelled.into()))?;
         loop {
             let read = |response: &str, unknown| {
                 self.queries.questions.read(question, response, self.queries.library, unknown)

@@ -63,7 +63,7 @@ pub struct Client {
     route: Route,
     /// An error if no connection may be opened.
     network: Result<(), Offline>,
-    progress: Progress,
+    progress: Progress<'static>,
     answerer: Answerer,
     settings: Settings,
     max_usd: Option<f64>,
@@ -99,7 +99,7 @@ impl Client {
         options: &Options,
         key: Option<ApiKey>,
         network: Result<(), Offline>,
-        progress: Progress,
+        progress: Progress<'static>,
     ) -> Result<Option<Self>, ClientError> {
         let Some(base) = &options.lmm_url else { return Ok(None) };
         let model = options.lmm_model.clone().ok_or(ClientError::NoModel)?;
