@@ -1,9 +1,12 @@
 //! The hash over everything that a result depends on.
 
+use std::path::Path;
+
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use crate::workdir::{FORMAT_VERSION, hexadecimal};
+use crate::scene::SceneError;
+use crate::workdir::{FORMAT_VERSION, hexadecimal, sha256_of_file};
 
 /// gprop's version with the format of its artifacts.
 pub fn version() -> String {
@@ -37,4 +40,12 @@ impl Hasher {
     pub fn hex(self) -> String {
         hexadecimal(&self.0.finalize())
     }
+}
+
+/// SHA-256 of the content of one of the user's files.
+///
+/// # Errors
+/// [`SceneError::Io`], including if the file has disappeared since the scene was loaded.
+pub fn file_digest(path: &Path) -> Result<[u8; 32], SceneError> {
+    sha256_of_file(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })
 }

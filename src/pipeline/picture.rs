@@ -17,14 +17,13 @@ use crate::segment::{self, LabelMap, SegmentError, ViewSegments, segment_views};
 use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
-use super::hasher::Hasher;
+use super::hasher::{Hasher, file_digest};
 use super::options::Options;
 use super::query_session::{QuerySession, QueryView, Subjects, check_recordings, write_sheets};
 use super::segment_files::{
     SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, remove_other_formats, shows_only,
     stored_segments, write_other_formats,
 };
-use super::stages::scene::file_digest;
 
 /// A picture being segmented and queried.
 pub struct Picture {

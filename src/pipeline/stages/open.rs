@@ -6,14 +6,15 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
-use super::{Stage, Stored, scene};
+use super::{Stage, Stored};
 use crate::error::{Result, UsageError};
 use crate::from_splat::{self, photo_with_foreground};
 use crate::grasp::gripper::GripperProfile;
 use crate::materials::MaterialLibrary;
+use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::pipeline::options::Options;
 use crate::pipeline::segment_files::check_formats;
-use crate::scene::{Photo, Scene, SceneError, View};
+use crate::scene::{self, Photo, Scene, SceneError, View};
 use crate::words::progress::{Progress, StageNumber, Watcher};
 use crate::workdir::WorkDir;
 
@@ -72,7 +73,7 @@ impl OpenScene {
     ) -> Result<Self> {
         check_formats(&options.segment.also)?;
         if let Some(count) = options.scene.render_views {
-            let below = Path::new("rendered").join(scene::rendering_key(&scene, &options.scene)?);
+            let below = Path::new("rendered").join(rendering_key(&scene, &options.scene)?);
             let folder = work.root().join(&below);
             let cannot = |error| UsageError(format!("cannot write views into {folder:?}: {error}"));
             let write_to = work.writable_folder().ok().map(|work| work.below(&below)).transpose().map_err(cannot)?;
@@ -147,4 +148,18 @@ impl Kept {
     fn all(&self) -> MutexGuard<'_, Results> {
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
+}
+
+/// Hash of everything that pictures rendered from the splat depend on, short enough for a folder's name.
+fn rendering_key(scene: &Scene, options: &scene::Options) -> Result<String> {
+    let mut hasher = Hasher::new("rendered").with_json(&without_paths(options));
+    for path in &scene.files {
+        hasher = hasher.with(&file_digest(path)?);
+    }
+    Ok(hasher.hex().chars().take(16).collect())
+}
+
+/// The options without paths, whose files are hashed by their content.
+pub(super) fn without_paths(options: &scene::Options) -> scene::Options {
+    scene::Options { splat: None, cameras: None, images: None, masks: None, ..options.clone() }
 }

@@ -13,9 +13,8 @@ use crate::scene::View;
 use crate::units::{Estimate, MetricScale, Range};
 use crate::workdir::Artifact;
 
-use super::scene::file_digest;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
-use crate::pipeline::hasher::Hasher;
+use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::vote::MaterialField;
 
 /// The content of `parts.json` if the metric scale is unknown.

@@ -19,10 +19,10 @@ use crate::words::part_name::part_name;
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::asked::AskedAbout;
-use super::scene::{self, file_digest};
+use super::scene;
 use super::{Done, Job, OpenScene, Row, Stage, Stored};
 use crate::pictures::framing;
-use crate::pipeline::hasher::Hasher;
+use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::pipeline::query_session::{self, QuerySession, QueryView, Subjects, write_sheets};
 
 /// The content of `size.json`.

@@ -21,9 +21,10 @@ use crate::workdir::{Artifact, hexadecimal};
 
 use super::asked::AskedAbout;
 use super::grasp::{self, Grasped};
-use super::scene::{self, file_digest};
+use super::scene;
 use super::vote::ShowsMost;
 use super::{Done, Job, OpenScene, Row, Stage, StageRecord, never, parts, simulate};
+use crate::pipeline::hasher::file_digest;
 use crate::pipeline::options::known_flags;
 use crate::query::Answers;
 

@@ -2,19 +2,19 @@
 
 use std::borrow::Cow;
 use std::iter;
-use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::inspect;
-use crate::scene::{Options, ScaleChoice, Scene, SceneError};
+use crate::scene::{Options, ScaleChoice};
 use crate::units::MetricScale;
-use crate::workdir::{Artifact, WorkDir, WorkDirError, sha256_of_file};
+use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
+use super::open::without_paths;
 use super::{Done, Job, OpenScene, Row, never};
-use crate::pipeline::hasher::Hasher;
+use crate::pipeline::hasher::{Hasher, file_digest};
 
 /// The content of `views.json`.
 #[derive(Serialize)]
@@ -118,26 +118,4 @@ pub fn stored_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError>
 /// How photos and splat disagree, as in `views.json`; `None` if they agree.
 pub fn misfit(open: &OpenScene) -> Result<Option<String>, WorkDirError> {
     Ok(open.work.read_json::<Stored>(Artifact::Views)?.misfit)
-}
-
-/// Hash of everything that pictures rendered from the splat depend on, short enough for a folder's name.
-pub(super) fn rendering_key(scene: &Scene, options: &Options) -> Result<String> {
-    let mut hasher = Hasher::new("rendered").with_json(&without_paths(options));
-    for path in &scene.files {
-        hasher = hasher.with(&file_digest(path)?);
-    }
-    Ok(hasher.hex().chars().take(16).collect())
-}
-
-/// The options without paths, whose files are hashed by their content.
-fn without_paths(options: &Options) -> Options {
-    Options { splat: None, cameras: None, images: None, masks: None, ..options.clone() }
-}
-
-/// SHA-256 of the content of one of the user's files.
-///
-/// # Errors
-/// [`SceneError::Io`], including if the file has disappeared since the scene was loaded.
-pub fn file_digest(path: &Path) -> Result<[u8; 32], SceneError> {
-    sha256_of_file(path).map_err(|reason| SceneError::Io { path: path.to_owned(), reason })
 }

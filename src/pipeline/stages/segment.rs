@@ -6,11 +6,11 @@ use std::sync::Mutex;
 
 use rayon::prelude::*;
 
-use super::scene::{file_digest, gaussians_key};
+use super::scene::gaussians_key;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never};
 use crate::camera::Intrinsics;
 use crate::error::Result;
-use crate::pipeline::hasher::Hasher;
+use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::pipeline::segment_files::{
     SegmentsFile, are_nested, models_key, open_segmenter, remove_other_formats, shows_only, stored_segments,
     write_other_formats,

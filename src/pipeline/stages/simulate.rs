@@ -19,11 +19,10 @@ use crate::vote::{Contents, MaterialField};
 use crate::workdir::{Artifact, Checksum, Checksumming, Standing, WorkDir};
 
 use super::parts::{self, metric_parts};
-use super::scene::file_digest;
 use super::vote::require_all_gaussians;
 use super::{Done, Job, OpenScene, Output, Row, Stage, Stored, never};
 use crate::parts::{Interior, Parts};
-use crate::pipeline::hasher::Hasher;
+use crate::pipeline::hasher::{Hasher, file_digest};
 
 pub(super) const ROW: Row = Row {
     inputs: &[Stage::Scene, Stage::Vote, Stage::Parts],

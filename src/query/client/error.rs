@@ -2,8 +2,6 @@
 
 use std::path::PathBuf;
 
-use super::fields::FieldsProblem;
-
 /// A client that cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
@@ -25,4 +23,17 @@ pub enum ClientError {
     Fields { path: PathBuf, problem: FieldsProblem },
     #[error("cannot set up the HTTP client: {0}")]
     Http(String),
+}
+
+/// Why a file of fields cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FieldsProblem {
+    #[error("it cannot be read: {0}")]
+    Unreadable(#[from] std::io::Error),
+    #[error("it is not a JSON object, such as {{\"think\": false}}: {0}")]
+    NoObject(#[from] serde_json::Error),
+    #[error("{name:?} is set by gprop itself; leave it out: {instead}")]
+    OfGprop { name: &'static str, instead: &'static str },
+    #[error("it contains the server's key, which is sent in a header of its own; leave it out")]
+    Key,
 }
