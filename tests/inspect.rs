@@ -14,7 +14,7 @@ use gprop::scene::cameras::align::Conversion;
 use gprop::scene::splat::ply;
 use gprop::scene::{self, ForegroundSource, ObjectSource, Options, QuaternionOrder, View};
 use gprop::words::progress::Progress;
-use image::Rgb;
+use image::{DynamicImage, GrayImage, ImageBuffer, ImageEncoder, Luma, Rgb, RgbImage};
 use nalgebra::{Isometry3, Matrix3, Matrix4, Point3, Similarity3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -173,6 +173,127 @@ fn masks_are_those_of_the_object_alone() {
     assert_eq!((found.object_source, found.foreground), (ObjectSource::Box, Some(ForegroundSource::Mask)));
     assert!(found.views.iter().all(|view| view.mask_iou == Some(1.0)), "{:?}", found.views);
     assert_eq!(found.aligned, Some(true));
+}
+
+/// A scene of opaque photos with a mask beside each, which `draw` makes from the object's outline.
+fn with_masks(draw: impl Fn(&GrayImage) -> DynamicImage) -> TempDir {
+    let folder = with_poses(|pose| pose);
+    let masks = folder.path().join("masks");
+    std::fs::create_dir(&masks).unwrap();
+    for view in scene::load(folder.path(), &Options::default()).unwrap().views {
+        let photo = view.photo().unwrap();
+        photo.rgb.save(&view.image).unwrap();
+        draw(&photo.foreground).save(masks.join(format!("{}.png", view.name))).unwrap();
+    }
+    folder
+}
+
+/// The picture with one colour on the object and another one beside it.
+fn in_colors(foreground: &GrayImage, object: [u8; 3], background: [u8; 3]) -> DynamicImage {
+    RgbImage::from_fn(foreground.width(), foreground.height(), |x, y| {
+        Rgb(if foreground.get_pixel(x, y)[0] > 0 { object } else { background })
+    })
+    .into()
+}
+
+/// What trackers, annotation tools and segmenters write.
+#[test]
+fn masks_of_every_kind_show_the_object() {
+    type Draw = fn(&GrayImage) -> DynamicImage;
+    let kinds: [(&str, &str, Draw); 8] = [
+        ("white", "white on the object", |mask| mask.clone().into()),
+        ("inverted", "black on the object, since", |mask| in_colors(mask, [0; 3], [255; 3])),
+        ("red", "black beside the object", |mask| in_colors(mask, [255, 0, 0], [0; 3])),
+        ("red on white", "black on the object, since", |mask| in_colors(mask, [255, 0, 0], [255; 3])),
+        ("zeros and ones", "black beside the object", |mask| in_colors(mask, [1; 3], [0; 3])),
+        ("ids of 16 bits", "black beside the object", |mask| {
+            let (width, height) = mask.dimensions();
+            ImageBuffer::from_fn(width, height, |x, y| Luma([u16::from(mask.get_pixel(x, y)[0] > 0)])).into()
+        }),
+        // DAVIS: the object has the second colour of its palette, the table on which it lies the first.
+        ("palette", "with the object's colour #008000, since", |mask| {
+            let mut picture = in_colors(mask, [0, 128, 0], [0; 3]).into_rgb8();
+            for (_, y, pixel) in picture.enumerate_pixels_mut() {
+                if y < 160 && pixel.0 == [0; 3] {
+                    *pixel = Rgb([128, 0, 0]);
+                }
+            }
+            picture.into()
+        }),
+        ("ids without a zero", "with the object's colour 2, since", |mask| in_colors(mask, [2; 3], [1; 3])),
+    ];
+    for (name, said, draw) in kinds {
+        let folder = with_masks(draw);
+        let found = inspected(folder.path(), &Options::default());
+        let text = to_text(&found);
+        assert!(text.contains(said), "{name}: {text}");
+        assert!(found.views.iter().all(|view| view.mask_iou > Some(0.7)), "{name}: {text}");
+        assert_eq!((found.aligned, found.foreground), (Some(true), Some(ForegroundSource::Mask)), "{name}: {text}");
+    }
+}
+
+#[test]
+fn the_middle_of_the_photos_tells_what_a_misplaced_splat_does_not() {
+    let folder = with_masks(|mask| in_colors(mask, [0; 3], [255; 3]));
+    let flipped = Options { align: "camera-yz".parse().unwrap(), ..Options::default() };
+    let notes = scene::load(folder.path(), &flipped).unwrap().notes;
+    let said = notes.iter().any(|note| note.contains("black on the object, since that is in the middle of the photos"));
+    assert!(said, "{notes:?}");
+    // The user has the last word.
+    let forced = Options { mask_color: "white".parse().unwrap(), ..Options::default() };
+    let scene = scene::load(folder.path(), &forced).unwrap();
+    assert!(
+        scene.notes.iter().any(|note| note.contains("white on the object, as --mask-color says")),
+        "{:?}",
+        scene.notes
+    );
+}
+
+/// A photo that is stored upside down, as its EXIF orientation says, and its mask, which has no EXIF.
+#[test]
+fn a_mask_without_exif_lies_as_the_splat_shows() {
+    // Thinned as the splat is, it overlaps the masks by 0.8.
+    for turned_with_photo in [false, true] {
+        let folder = with_masks(|mask| mask.clone().into());
+        let path = folder.path().join("transforms.json");
+        let mut transforms: Value = serde_json::from_str(&std::fs::read_to_string(&path).unwrap()).unwrap();
+        // Without a size in the camera file, a photo is turned upright.
+        for key in ["w", "h"] {
+            transforms.as_object_mut().unwrap().remove(key);
+        }
+        for frame in transforms["frames"].as_array_mut().unwrap() {
+            let name = frame["file_path"].as_str().unwrap().trim_start_matches("images/").to_owned();
+            let photo = folder.path().join("images").join(&name);
+            let stored = image::imageops::rotate180(&image::open(&photo).unwrap().into_rgb8());
+            std::fs::remove_file(&photo).unwrap();
+            std::fs::write(photo.with_extension("jpg"), jpeg_oriented(&stored, 3)).unwrap();
+            frame["file_path"] = json!(format!("images/{}", name.replace(".png", ".jpg")));
+            if turned_with_photo {
+                let mask = folder.path().join("masks").join(&name);
+                image::imageops::rotate180(&image::open(&mask).unwrap().into_luma8()).save(&mask).unwrap();
+            }
+        }
+        std::fs::write(&path, transforms.to_string()).unwrap();
+        let found = inspected(folder.path(), &Options::default());
+        let text = to_text(&found);
+        assert!(found.views.iter().all(|view| view.mask_iou > Some(0.7)), "{text}");
+        assert_eq!(
+            text.contains("masks are turned by the EXIF orientation of their photos"),
+            turned_with_photo,
+            "{text}"
+        );
+    }
+}
+
+/// The picture as a JPEG whose EXIF orientation is this.
+fn jpeg_oriented(picture: &RgbImage, orientation: u8) -> Vec<u8> {
+    let mut jpeg = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new_with_quality(&mut jpeg, 95);
+    // TIFF header, one entry: tag 0x0112 (orientation), type SHORT, count 1.
+    let exif = [&b"MM\0*\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0"[..], &[orientation], b"\0\0\0\0\0\0"].concat();
+    encoder.set_exif_metadata(exif).unwrap();
+    encoder.encode_image(picture).unwrap();
+    jpeg
 }
 
 #[test]

@@ -17,6 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{SceneError, cameras};
 use crate::files;
+use crate::files::read_scope::ReadScope;
 use crate::scene::splat::find as splat_file;
 use crate::units::{MetricScale, ScaleSource};
 use crate::words::output::{agreeing, counted};
@@ -95,7 +96,7 @@ pub(super) fn instead_of_scene(folder: &Path) -> Option<SceneError> {
     if let Some(parent) = scene_around(folder) {
         return Some(SceneError::InsideScene { folder: folder.to_owned(), parent });
     }
-    let scenes = list(folder, None).ok().filter(|_| cameras::choose(folder, None).is_err())?.scenes;
+    let scenes = list(folder, None).ok().filter(|_| !has_cameras(folder))?.scenes;
     let first = scenes.first()?.folder.clone();
     Some(SceneError::ManyScenes { folder: folder.to_owned(), count: scenes.len(), first })
 }
@@ -106,8 +107,12 @@ fn scene_around(folder: &Path) -> Option<PathBuf> {
     folder.file_name()?;
     let parent = folder.parent()?;
     let parent = if parent.as_os_str().is_empty() { Path::new(".") } else { parent };
-    let is_scene = splat_file::find(parent).is_ok() && cameras::choose(parent, None).is_ok();
+    let is_scene = splat_file::find(parent).is_ok() && has_cameras(parent);
     is_scene.then(|| parent.to_owned())
+}
+
+fn has_cameras(folder: &Path) -> bool {
+    cameras::choose(folder, None, &ReadScope::new(folder)).is_ok()
 }
 
 /// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres.
@@ -197,7 +202,7 @@ fn mvimgnet(folder: &Path) -> Listed {
 
 fn plain(folder: &Path) -> Listed {
     let has_splat = |folder: &Path| splat_file::find(folder).is_ok_and(|found| !is_result(&found.path));
-    let is_scene = |folder: &Path| has_splat(folder) || cameras::choose(folder, None).is_ok();
+    let is_scene = |folder: &Path| has_splat(folder) || has_cameras(folder);
     let entry = |name: String| Entry { folder: folder.join(&name), split: None, class: None, mass_kg: None, name };
     let Folders { names, skipped } = folders_in(folder);
     Listed {

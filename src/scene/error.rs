@@ -55,7 +55,7 @@ pub enum SceneError {
     #[error(transparent)]
     Ply(#[from] PlyError),
     #[error(
-        "no cameras in `{}`: neither transforms.json (nerfstudio), transforms_train.json (Blender), sparse/0 or sparse (COLMAP) \
+        "no cameras in `{}`: neither transforms.json (nerfstudio), transforms_train.json (Blender), sparse or dense (COLMAP) \
          nor cameras.json (3DGS); --cameras PATH names them elsewhere. Without photos a splat can still be looked at with \
          `gprop inspect`; all commands that run stages, such as `gprop run`, need --render-views N, which renders its own \
          views",
@@ -79,20 +79,29 @@ pub enum SceneError {
         "none of the {count} photos that `{}` names is there (the first is `{first}`; looked in {}); put the photos there \
          or name their folder with --images DIR. Without photos, run with --render-views N",
         path.display(),
-        listed(tried)
+        looked_in(tried)
     )]
-    NoPhotos { path: PathBuf, count: usize, first: String, tried: Vec<PathBuf> },
+    NoPhotos { path: PathBuf, count: usize, first: String, tried: Vec<Held> },
+    #[error(
+        "`{}` names the {what} `{file}`, and it may be any of {}; keep one of them, or name the folder of the right ones with \
+         {flag} DIR",
+        path.display(),
+        listed(found)
+    )]
+    Several { path: PathBuf, what: &'static str, file: String, found: Vec<PathBuf>, flag: &'static str },
     #[error(
         "no scenes in `{}`, taken as {layout}; give the folder that holds the scene folders, and their layout with --layout",
         folder.display()
     )]
     NoScenes { folder: PathBuf, layout: String },
     #[error(
-        "--masks `{}` has no mask for any of the {views} views (the first is `{first}`); a mask is named like its photo: \
-         {first}.png",
-        folder.display()
+        "there is no mask for any of the {views} views (the first is `{first}`); looked in {}. A mask is named like its photo: \
+         {first}.png; --masks DIR names another folder",
+        looked_in(tried)
     )]
-    NoMasks { folder: PathBuf, first: String, views: usize },
+    NoMasks { tried: Vec<Held>, first: String, views: usize },
+    #[error("{0}; mend the masks, or say with --mask-color what is the object's")]
+    MasksHideAll(Box<MasksHideAll>),
     #[error("--align {given}: {problem}; see what `gprop inspect` suggests")]
     Align { given: String, problem: &'static str },
     #[error("--scale {given}: {problem}")]
@@ -130,7 +139,8 @@ pub enum SceneError {
     )]
     MaskShape { path: PathBuf, photo: (u32, u32), found: (u32, u32) },
     #[error(
-        "mask `{}` has no value above 1, so it is black everywhere; write white (255, or 65535 with 16 bits) on the object, not 1",
+        "mask `{}` has no value above 1, so it is black everywhere, but others are white (255) on the object; write all of them \
+         alike",
         path.display()
     )]
     MaskOfOnes { path: PathBuf },
@@ -138,6 +148,33 @@ pub enum SceneError {
     Outside(Box<Outside>),
     #[error("no view is named `{name}`; {}", views_known(known))]
     UnknownView { name: String, known: Vec<String> },
+}
+
+/// Masks that show nothing of the object.
+#[derive(Debug, Error)]
+#[error(
+    "the {} would hide everything: read as {color} on the object, none shows any of it (first: `{}`; their colours: {colors})",
+    counted(*count, "mask"),
+    first.display()
+)]
+pub struct MasksHideAll {
+    pub first: PathBuf,
+    pub count: usize,
+    pub color: String,
+    /// The first of the colours that the masks have.
+    pub colors: String,
+}
+
+/// A folder that was searched, and pictures in it.
+#[derive(Debug)]
+pub struct Held {
+    pub folder: PathBuf,
+    /// Some of them.
+    pub pictures: Vec<String>,
+    /// The number of all.
+    pub count: usize,
+    /// False if it lies outside of what may be read.
+    pub may_be_listed: bool,
 }
 
 /// A file that a scene refers to but that is not in its folder.
@@ -212,8 +249,22 @@ fn views_known(known: &[String]) -> String {
 }
 
 fn listed(paths: &[PathBuf]) -> String {
-    let paths: Vec<String> = paths.iter().map(|path| format!("`{}`", path.display())).collect();
-    paths.join(", ")
+    let (named, more) = paths.split_at(paths.len().min(MOST_VIEWS_NAMED));
+    let mut named: Vec<String> = named.iter().map(|path| format!("`{}`", path.display())).collect();
+    if !more.is_empty() {
+        named.push(format!("{} more", more.len()));
+    }
+    named.join(", ")
+}
+
+fn looked_in(folders: &[Held]) -> String {
+    let held = |held: &Held| match held.count - held.pictures.len() {
+        _ if !held.may_be_listed => format!("`{}`, which leads out of the scene", held.folder.display()),
+        _ if held.count == 0 => format!("`{}`, which has no pictures", held.folder.display()),
+        0 => format!("`{}`, which has {}", held.folder.display(), held.pictures.join(" ")),
+        more => format!("`{}`, which has {} and {more} more", held.folder.display(), held.pictures.join(" ")),
+    };
+    folders.iter().map(held).collect::<Vec<_>>().join("; ")
 }
 
 fn corner(point: &[f64; 3]) -> String {

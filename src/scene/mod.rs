@@ -3,10 +3,11 @@
 //! [`load`] finds the splat, the cameras and the photos in a folder:
 //! 1. [`splat`] finds the file that holds the Gaussians and selects the reader of its format.
 //! 2. [`cameras`] finds and reads the camera file and matches each camera with its photo; `align` converts the cameras.
-//! 3. `object` separates the object's Gaussians from its surroundings; [outliers](object::outliers) finds those that cannot belong to
+//! 3. [`photos::mask_reading`] decides what the masks mean, from what the splat shows.
+//! 4. `object` separates the object's Gaussians from its surroundings; [outliers](object::outliers) finds those that cannot belong to
 //!    any object.
-//! 4. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is sought only by [`Scene::scale_in_photos`].
-//! 5. `object::up` warns if the cameras suggest that another axis than z points up.
+//! 5. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is sought only by [`Scene::scale_in_photos`].
+//! 6. `object::up` warns if the cameras suggest that another axis than z points up.
 //!
 //! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a
 //! data set.
@@ -36,8 +37,9 @@ pub(crate) use crate::gaussians::bounds::robust_bounds;
 pub use error::{SceneError, SplatProblem};
 pub use object::ObjectSource;
 pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
+pub use photos::mask_color::{MaskChoice, MaskColor};
 pub(crate) use photos::view_names::index_of;
-pub use photos::{ForegroundSource, Photo, Upright};
+pub use photos::{ForegroundSource, Mask, Photo, Upright};
 pub use reference::Reference;
 pub use scale::marker::Marker;
 pub use scale::marker::board::svg as marker_board;
@@ -86,8 +88,7 @@ pub struct View {
     pub image: PathBuf,
     /// Whether the photo is rotated according to its EXIF orientation.
     pub upright: Upright,
-    /// Path of the mask, which is white on the object.
-    pub mask: Option<PathBuf>,
+    pub mask: Option<Mask>,
 }
 
 impl Scene {
@@ -122,7 +123,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     check_is_folder(folder)?;
     let mut found = Found::default();
     let splat_path = found.splat(folder, options)?;
-    let views = match options.render_views {
+    let mut views = match options.render_views {
         Some(_) => {
             // The file relates the splat to cameras that are not read.
             let align = match options.align {
@@ -138,6 +139,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         None => found.views(folder, options)?,
     };
     let splat = found.read_splat(&splat_path, options)?;
+    found.masks(folder, &mut views, &splat.gaussians, options)?;
     let separated = object::separate(splat.gaussians, &views, options)?;
     found.notes.push(separated.note);
     let mut object = separated.object;
@@ -206,8 +208,8 @@ impl Default for Found {
 
 impl Found {
     fn splat(&mut self, folder: &Path, options: &Options) -> Result<PathBuf, SceneError> {
-        let splat::find::Found { path, others } = match &options.splat {
-            Some(path) => splat::find::Found { path: path.clone(), others: Vec::new() },
+        let splat::find::Found { path, others, reason } = match &options.splat {
+            Some(path) => splat::find::Found { path: path.clone(), others: Vec::new(), reason: None },
             None => {
                 let found =
                     splat::find::find(folder).map_err(|error| dataset::instead_of_scene(folder).unwrap_or(error))?;
@@ -217,7 +219,8 @@ impl Found {
                 found
             }
         };
-        self.note_choice("splat", folder, &path, &others, "--splat");
+        let choice = Choice { path: &path, reason: reason.as_deref(), others: &others };
+        self.notes.push(choice.note("splat", folder, "--splat"));
         self.files.push(path.clone());
         Ok(path)
     }
@@ -232,12 +235,16 @@ impl Found {
     }
 
     fn views(&mut self, folder: &Path, options: &Options) -> Result<Vec<View>, SceneError> {
-        let (choice, others) = cameras::choose(folder, options.cameras.as_deref())?;
+        let scope = options.read_scope(folder);
+        let chosen = cameras::choose(folder, options.cameras.as_deref(), &scope)?;
+        let choice = chosen.source;
         if options.cameras.is_none() {
-            choice.check(folder, &options.read_scope(folder))?;
+            choice.check(folder, &scope)?;
         }
-        self.note_choice("cameras", folder, &choice.path, &others, "--cameras");
+        let said = Choice { path: &choice.path, reason: chosen.reason.as_deref(), others: &chosen.others };
+        self.notes.push(said.note("cameras", folder, "--cameras"));
         let (mut capture, files) = cameras::read(&choice)?;
+        self.notes.append(&mut capture.notes);
         self.files.extend(files);
         let moved = self.follow_dataparser(folder, options, &choice, &mut capture)?;
         let named = options.cameras.as_deref();
@@ -245,8 +252,9 @@ impl Found {
         self.registered = if moved { registered.without_points() } else { registered };
         self.conversion = self.registered.conversion(&options.align)?;
         let places = cameras::Places::of(folder, &choice, options);
-        let found = cameras::find_photos(&choice.path, &capture.frames, &places)?;
+        let found = photos::find::find_photos(&choice.path, &capture.frames, &places)?;
         self.warnings.extend(found.warnings);
+        self.notes.extend(found.notes);
         let mut views = found.views;
         if !self.conversion.is_none() {
             self.notes.push(format!("cameras converted by --align {}", options.align));
@@ -258,6 +266,20 @@ impl Found {
             self.files.extend(self.registered.points().map(Path::to_owned));
         }
         Ok(views)
+    }
+
+    /// Decides how the masks are read.
+    fn masks(
+        &mut self,
+        folder: &Path,
+        views: &mut [View],
+        gaussians: &Gaussians,
+        options: &Options,
+    ) -> Result<(), SceneError> {
+        let told = photos::mask_reading::decide(folder, views, gaussians, &options.mask_color)?;
+        self.notes.extend(told.notes);
+        self.warnings.extend(told.warnings);
+        Ok(())
     }
 
     /// Applies a `dataparser_transforms.json` beside the splat or the cameras, which belongs to both; false if there is none.
@@ -286,15 +308,33 @@ impl Found {
         let beside = self.files[0].parent().into_iter().chain(cameras.and_then(Path::parent)).chain([folder]);
         beside.map(|folder| folder.join(dataparser::FILE)).find(|path| files::is_there(path))
     }
+}
 
-    fn note_choice(&mut self, what: &str, folder: &Path, path: &Path, others: &[PathBuf], flag: &str) {
-        let short = |path: &Path| path.strip_prefix(folder).unwrap_or(path).display().to_string();
-        let mut note = format!("{what}: `{}`", short(path));
-        if !others.is_empty() {
-            let others: Vec<String> = others.iter().map(|path| format!("`{}`", short(path))).collect();
+/// A file that was chosen, and those that might have been.
+struct Choice<'a> {
+    path: &'a Path,
+    /// Why this one, if it is one of several alike.
+    reason: Option<&'a str>,
+    others: &'a [PathBuf],
+}
+
+impl Choice<'_> {
+    /// The note that names the file, and `flag`, by which the user can choose another one.
+    fn note(&self, what: &str, folder: &Path, flag: &str) -> String {
+        const MOST_NAMED: usize = 4;
+        let short = |path: &Path| format!("`{}`", path.strip_prefix(folder).unwrap_or(path).display());
+        let mut note = format!("{what}: {}", short(self.path));
+        if let Some(reason) = self.reason {
+            note.push_str(&format!(", {reason}"));
+        }
+        if !self.others.is_empty() {
+            let mut others: Vec<String> = self.others.iter().take(MOST_NAMED).map(|path| short(path)).collect();
+            if self.others.len() > MOST_NAMED {
+                others.push(format!("{} more", self.others.len() - MOST_NAMED));
+            }
             note.push_str(&format!(" (also there: {}; {flag} chooses)", others.join(", ")));
         }
-        self.notes.push(note);
+        note
     }
 }
 

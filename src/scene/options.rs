@@ -15,6 +15,7 @@ use crate::config::option_values::{self, Domain, OptionError, check_typed, from_
 use crate::files::read_scope::ReadScope;
 use crate::gaussians::bounds::Bounds;
 use crate::scene::cameras::align::Align;
+use crate::scene::photos::mask_color::MaskChoice;
 use crate::scene::splat::QuaternionOrder;
 
 /// The keys that a scene may set: where its own files are, which views show it best, its frame, its object and its
@@ -27,6 +28,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::path("cameras"),
     SceneKey::path("images"),
     SceneKey::path("masks"),
+    SceneKey::any("mask-color"),
     SceneKey::any("align"),
     SceneKey::any("object-box"),
     SceneKey::any("render-views"),
@@ -73,10 +75,16 @@ pub struct Options {
     #[arg(long, value_name = "DIR", value_parser = option_values::folder(), overrides_with = "render_views")]
     pub images: Option<PathBuf>,
 
-    /// Folder with a mask for each photo, white on the object and named like the photo [default: those that
-    /// the camera file names, else masks/]
+    /// Folder with a mask for each photo, named like the photo [default: those that the camera file names, else masks/
+    /// or mask/]
     #[arg(long, value_name = "DIR", value_parser = option_values::folder(), overrides_with = "render_views")]
     pub masks: Option<PathBuf>,
+
+    /// What is the object in the masks: `white`, `black`, `not-black`, or colours separated by commas, each the number of
+    /// a grey (0 to 255, such as an object's id) or `#rrggbb`. `auto` compares the masks with the splat and with the middle
+    /// of the photos
+    #[arg(long, value_name = "COLOR", default_value_t, overrides_with = "render_views")]
+    pub mask_color: MaskChoice,
 
     /// Folder outside the scene to which the scene's links and 3DGS's `cfg_args` may lead; may be given several times.
     /// Nothing else outside the scene is read, except what other flags name
@@ -95,7 +103,7 @@ pub struct Options {
     pub object_box: Option<ObjectBox>,
 
     /// Render this many views from the splat itself instead of using photos
-    #[arg(long, value_name = "N", overrides_with_all = ["cameras", "images", "masks"])]
+    #[arg(long, value_name = "N", overrides_with_all = ["cameras", "images", "masks", "mask_color"])]
     #[arg(value_parser = VIEWS)]
     pub render_views: Option<NonZeroUsize>,
 

@@ -551,7 +551,11 @@ fn a_name_may_climb_from_the_folder_of_the_cameras() {
     std::fs::write(&cameras, made_up.transforms.to_string()).unwrap();
     let scene = made_up.load_as_is(&options).unwrap();
     assert!(!scene.warnings.iter().any(|warning| warning.contains("missing")), "{:?}", scene.warnings);
-    assert!(scene.views[0].mask.as_ref().is_some_and(|mask| mask.ends_with("mattes/000.png")), "{:?}", scene.views[0]);
+    assert!(
+        scene.views[0].mask.as_ref().is_some_and(|mask| mask.path.ends_with("mattes/000.png")),
+        "{:?}",
+        scene.views[0]
+    );
     // One that is missing is counted.
     std::fs::remove_file(made_up.path("images/003.png")).unwrap();
     let scene = made_up.load_as_is(&options).unwrap();

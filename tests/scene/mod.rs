@@ -6,6 +6,8 @@ mod camera;
 mod cameras;
 // Data sets: ABO-500, MVImgNet.
 mod dataset;
+// Photos, models, splats and masks under the names that people give them.
+mod files;
 // Loading a whole scene folder: files found and missing, the choice of views.
 mod folder;
 // Compact splats: .splat, .spz, .compressed.ply.

@@ -1,5 +1,5 @@
 use gprop::camera::{Camera, Distortion, Intrinsics};
-use gprop::scene::{Photo, SceneError, Upright, View};
+use gprop::scene::{Mask, Photo, SceneError, Upright, View};
 use image::{DynamicImage, GrayImage, ImageBuffer, Luma, Rgb, RgbImage, Rgba, RgbaImage};
 use nalgebra::Isometry3;
 
@@ -89,7 +89,7 @@ fn a_mask_of_zeros_and_ones_is_refused() {
     let path = folder.path().join("mask.png");
     let mut foreground = |object: u8| {
         GrayImage::from_fn(4, 2, |x, _| Luma([if x < 2 { object } else { 0 }])).save(&path).unwrap();
-        view.mask = Some(path.clone());
+        view.mask = Some(Mask::new(path.clone()));
         view.photo().map(|photo| photo.foreground.as_raw().iter().filter(|value| **value == 255).count())
     };
     assert_eq!(foreground(255).unwrap(), 4);

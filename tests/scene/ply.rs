@@ -456,16 +456,47 @@ fn a_truncated_file_says_what_it_needs_and_has() {
     assert!(refusal(half_row.as_bytes()).to_string().contains("14 values were expected"));
 }
 
+/// A splat of Apple's SHARP has seven more elements, with these types and numbers of rows.
+#[test]
+fn what_sharp_writes_beside_the_gaussians_is_one_note() {
+    let good = encode(&splat(2, 0), Encoding::Little);
+    let elements = [
+        ("image_size", "uint", 2),
+        ("intrinsic", "float", 9),
+        ("extrinsic", "float", 16),
+        ("frame", "int", 2),
+        ("disparity", "float", 2),
+        ("color_space", "uchar", 1),
+        ("version", "uchar", 3),
+    ];
+    let declared: String =
+        elements.map(|(name, kind, n)| format!("element {name} {n}\nproperty {kind} {name}\n")).concat();
+    let bytes = 4 * (2 + 9 + 16 + 2 + 2) + 1 + 3;
+    let sharp = with_header(&good, |header| header.replace("end_", &format!("{declared}end_")));
+    let loaded = ply::parse(&[&sharp[..], &vec![0; bytes]].concat()).unwrap();
+    assert_eq!(loaded.warnings, Vec::<String>::new());
+    assert_eq!(loaded.gaussians, ply::parse(&good).unwrap().gaussians);
+    let [note] = &loaded.notes[..] else { panic!("{:?}", loaded.notes) };
+    assert!(note.contains("SHARP") && elements.iter().all(|(name, ..)| note.contains(&format!("`{name}`"))), "{note}");
+}
+
 #[test]
 fn what_is_left_out_is_said() {
     let good = encode(&splat(2, 0), Encoding::Little);
     let warnings = |file: &[u8]| ply::parse(file).unwrap().warnings;
     assert!(warnings(&[&good[..], b"tail"].concat())[0].starts_with("4 bytes after the last Gaussian"));
     let camera = with_header(&good, |header| header.replace("end_", "element camera 1\nproperty float fov\nend_"));
-    assert_eq!(warnings(&[&camera[..], &[0; 4]].concat()), ["element `camera` (1 rows) is neither read nor kept"]);
+    assert_eq!(warnings(&[&camera[..], &[0; 4]].concat()), ["element `camera` is neither read nor kept"]);
     let mut properties = splat(2, 0);
     properties.push(property("id", "int", &[1.0, 2.0]));
     assert!(warnings(&encode(&properties, Encoding::Little))[0].contains("`id` is kept as float32"));
+    // One situation makes one message.
+    properties.push(property("time", "double", &[1.0, 2.0]));
+    let rounded = warnings(&encode(&properties, Encoding::Little));
+    assert_eq!(rounded, ["properties `id`, `time` are kept as float32, rounded from a wider type"]);
+    let two = "element camera 0\nproperty float fov\nelement a 1\nproperty char a\nelement b 1\nproperty char b\nend_";
+    let two = with_header(&good, |header| header.replace("end_", two));
+    assert_eq!(warnings(&[&two[..], &[0; 2]].concat()), ["elements `a`, `b` are neither read nor kept"]);
     // An element of plain rows before the vertices is skipped.
     let before = with_header(&good, |header| {
         header.replace("element vertex", "element camera 1\nproperty float fov\nelement vertex")

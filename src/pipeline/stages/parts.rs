@@ -56,8 +56,11 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
     let mut hasher = inputs.with_json(&open.options.parts);
     let views = &open.scene.views;
     for view in parts::carving_views(views.len(), &open.options.parts).map(|view| &views[view]) {
-        for path in view.mask.iter().chain([&view.image]) {
+        for path in view.mask.iter().map(|mask| &mask.path).chain([&view.image]) {
             hasher = hasher.with(&file_digest(path)?);
+        }
+        if let Some(mask) = &view.mask {
+            hasher = hasher.with_json(&(&mask.color, mask.orientation.to_exif()));
         }
     }
     Ok(hasher.with(&Interior::VERSION.to_le_bytes()).hex())

@@ -57,7 +57,8 @@ pub fn key(open: &OpenScene) -> Result<String> {
     if let (ScaleChoice::Auto, Some(stated)) = (&options.scale, &scene.scale) {
         hasher = hasher.with_json(stated);
     }
-    let photos = open.views.iter().flat_map(|view| iter::once(&view.image).chain(&view.mask));
+    let photos =
+        open.views.iter().flat_map(|view| iter::once(&view.image).chain(view.mask.as_ref().map(|mask| &mask.path)));
     let searched = scene.views.iter().filter(|_| options.scale.is_in_photos()).map(|view| &view.image);
     for path in scene.files.iter().chain(photos).chain(searched) {
         hasher = hasher.with(&file_digest(path)?);

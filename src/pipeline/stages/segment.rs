@@ -186,7 +186,10 @@ fn view_key(open: &OpenScene, view: &View, gaussians: &str, models: &str) -> Res
         return Ok(hasher.with(&imported_digest(folder, &view.name)?).hex());
     }
     match &view.mask {
-        Some(mask) => hasher = hasher.with(&file_digest(mask)?),
+        Some(mask) => {
+            let read = (&mask.color, mask.orientation.to_exif());
+            hasher = hasher.with(&file_digest(&mask.path)?).with_json(&read);
+        }
         None if view.coverage()?.is_none() => hasher = hasher.with(gaussians.as_bytes()).with_json(&view.camera),
         None => {}
     }
@@ -217,6 +220,7 @@ mod tests {
 
     use super::*;
     use crate::Pipeline;
+    use crate::scene::{Mask, MaskColor};
 
     #[test]
     fn the_splat_counts_where_it_gives_the_foreground() {
@@ -229,12 +233,15 @@ mod tests {
         let intrinsics = &with_alpha.camera.intrinsics;
         let white = RgbaImage::from_pixel(intrinsics.width, intrinsics.height, Rgba([255; 4]));
         white.save(&opaque.image).unwrap();
-        let masked = View { mask: Some(opaque.image.clone()), ..opaque.clone() };
+        let masked = View { mask: Some(Mask::new(opaque.image.clone())), ..opaque.clone() };
         let key = |view: &View, scene: &str| view_key(open, view, scene, "models").unwrap();
         for (view, from_splat) in [(with_alpha, false), (&masked, false), (&opaque, true)] {
             assert_eq!(key(view, "a splat") != key(view, "another"), from_splat, "{:?}", view.image);
         }
         let turned = View { upright: Upright::Turned, ..masked.clone() };
         assert_ne!(key(&turned, ""), key(&masked, ""));
+        let mut black = Mask::new(opaque.image.clone());
+        black.color = MaskColor::Black;
+        assert_ne!(key(&View { mask: Some(black), ..opaque.clone() }, ""), key(&masked, ""));
     }
 }

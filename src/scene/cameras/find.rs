@@ -7,7 +7,9 @@ use super::{colmap, text_of};
 use crate::files;
 use crate::files::read_scope::ReadScope;
 use crate::scene::photos::view_names;
+use crate::scene::splat::find::names_in;
 use crate::scene::{Options, Reference, SceneError};
+use crate::words::output::counted;
 
 /// A camera file and its kind.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -47,55 +49,126 @@ pub(in crate::scene) enum Kind {
 const CFG_ARGS: &str = "cfg_args";
 
 /// Where camera files are looked for within a folder, best first.
-const PLACES: [(&str, Kind); 8] = [
+const PLACES: [(&str, Kind); 6] = [
     ("transforms.json", Kind::Transforms),
     ("transforms_train.json", Kind::Transforms),
-    ("sparse/0", Kind::Colmap),
     ("sparse", Kind::Colmap),
-    ("colmap/sparse/0", Kind::Colmap),
     ("colmap/sparse", Kind::Colmap),
     ("colmap", Kind::Colmap),
     ("cameras.json", Kind::GaussianSplatting),
 ];
 
-/// The camera file to read and the others that are there: `given`, or the first of [`PLACES`] in `folder`, or the first
-/// in the folder that a `cfg_args` names as the training data.
-pub(in crate::scene) fn choose(
-    folder: &Path,
-    given: Option<&Path>,
-) -> Result<(CameraSource, Vec<PathBuf>), SceneError> {
+/// COLMAP's folder of undistorted photos and the models that belong to them.
+const DENSE: &str = "dense";
+
+/// The camera file to read, and the others that are there.
+pub(in crate::scene) struct Chosen {
+    pub source: CameraSource,
+    pub others: Vec<PathBuf>,
+    /// Why this one of several models.
+    pub reason: Option<String>,
+}
+
+impl Chosen {
+    /// The first, unless it is one of several models of one place: then the one with most photos.
+    fn of(found: Vec<Vec<CameraSource>>, scope: &ReadScope) -> Option<Self> {
+        let mut found = found.into_iter().filter(|of_place| !of_place.is_empty());
+        let mut first = found.next()?;
+        let counts: Vec<u64> = match first.len() {
+            1 => vec![0],
+            _ => first.iter().map(|model| colmap::image_count(&model.path, scope)).collect(),
+        };
+        let most = counts.iter().copied().max().unwrap_or_default();
+        let largest = counts.iter().position(|count| *count == most).unwrap_or_default();
+        let reason = (counts.len() > 1).then(|| {
+            format!(
+                "the largest of {} models, with {}",
+                counts.len(),
+                counted(usize::try_from(most).unwrap_or_default(), "photo")
+            )
+        });
+        let source = first.remove(largest);
+        let mut others: Vec<PathBuf> = Vec::new();
+        for other in first.into_iter().chain(found.flatten()).filter(|other| *other != source) {
+            if !others.contains(&other.path) {
+                others.push(other.path);
+            }
+        }
+        Some(Self { source, others, reason })
+    }
+}
+
+/// Chooses the camera file: `given`, or the first of [`PLACES`] in `folder`, or the first in the folder that a `cfg_args`
+/// names as the training data. Models that `scope` does not allow to be read are not looked into.
+pub(in crate::scene) fn choose(folder: &Path, given: Option<&Path>, scope: &ReadScope) -> Result<Chosen, SceneError> {
     if let Some(path) = given {
-        return Ok((given_choice(path)?, Vec::new()));
+        return given_choice(path);
     }
-    let in_folder = |folder: &Path| -> Vec<CameraSource> {
-        let choices = PLACES.iter().map(|(place, kind)| CameraSource { kind: *kind, path: folder.join(place) });
-        choices.filter(is_there).collect()
+    let trained_on = || training_folder(folder).and_then(|source| Chosen::of(in_folder(&source), scope));
+    let chosen = Chosen::of(in_folder(folder), scope).or_else(trained_on);
+    chosen.ok_or_else(|| SceneError::NoCameras { folder: folder.to_owned() })
+}
+
+/// The camera files in the places of a folder, those of each place together.
+fn in_folder(folder: &Path) -> Vec<Vec<CameraSource>> {
+    let of_place = |(place, kind): &(&str, Kind)| {
+        let path = folder.join(place);
+        match kind {
+            Kind::Colmap => models_in(&path),
+            _ if files::is_there(&path) => vec![CameraSource { kind: *kind, path }],
+            _ => Vec::new(),
+        }
     };
-    let mut found = in_folder(folder);
-    if found.is_empty() {
-        found = training_folder(folder).map(|source| in_folder(&source)).unwrap_or_default();
-    }
-    if found.is_empty() {
-        return Err(SceneError::NoCameras { folder: folder.to_owned() });
-    }
-    let others = found.split_off(1).into_iter().map(|choice| choice.path).collect();
-    Ok((found.remove(0), others))
+    let dense = dense_models(&folder.join(DENSE));
+    // The models there are those of the photos there: without photos elsewhere, these are the ones to use.
+    let only_dense = !has_photos(folder) && dense.iter().any(|model| model.path.parent().is_some_and(has_photos));
+    let mut found: Vec<Vec<CameraSource>> = PLACES.iter().map(of_place).collect();
+    let first_colmap = PLACES.iter().position(|(_, kind)| *kind == Kind::Colmap).unwrap_or_default();
+    let at = if only_dense { first_colmap } else { PLACES.len() };
+    found.insert(at, dense);
+    found
 }
 
-fn is_there(choice: &CameraSource) -> bool {
-    match choice.kind {
-        Kind::Colmap => colmap::is_model(&choice.path),
-        _ => files::is_there(&choice.path),
-    }
+/// Whether a folder has one of the folders in which COLMAP and 3DGS look for photos.
+fn has_photos(folder: &Path) -> bool {
+    PHOTO_FOLDERS.iter().any(|name| folder.join(name).is_dir())
 }
 
-/// The camera file that `--cameras` points at: a COLMAP model, a folder with one, or a JSON file of either kind.
-fn given_choice(path: &Path) -> Result<CameraSource, SceneError> {
+/// COLMAP's models in a folder: numbered subfolders, by number, then the folder itself.
+fn models_in(folder: &Path) -> Vec<CameraSource> {
+    let numbered = numbered_folders(folder);
+    let models = numbered.into_iter().chain([folder.to_owned()]).filter(|path| colmap::is_model(path));
+    models.map(|path| CameraSource { kind: Kind::Colmap, path }).collect()
+}
+
+/// The models of undistorted photos: `0/sparse`, `1/sparse` and so on, or `sparse`.
+fn dense_models(folder: &Path) -> Vec<CameraSource> {
+    numbered_folders(folder)
+        .into_iter()
+        .chain([folder.to_owned()])
+        .flat_map(|path| models_in(&path.join("sparse")))
+        .collect()
+}
+
+/// The subfolders whose names are numbers, by number.
+fn numbered_folders(folder: &Path) -> Vec<PathBuf> {
+    let names = names_in(folder).into_iter();
+    let mut numbered: Vec<(u64, String)> = names.filter_map(|name| Some((name.parse().ok()?, name))).collect();
+    numbered.sort();
+    numbered.into_iter().map(|(_, name)| folder.join(name)).collect()
+}
+
+/// The camera file that `--cameras` points at: a COLMAP model, a folder with some, or a JSON file of either kind.
+fn given_choice(path: &Path) -> Result<Chosen, SceneError> {
+    let unknown = || SceneError::UnknownCameras { path: path.to_owned() };
     if path.is_dir() {
-        let models = [path.to_owned(), path.join("0"), path.join("sparse/0"), path.join("sparse")];
-        let model = models.into_iter().find(|folder| colmap::is_model(folder));
-        let model = model.ok_or_else(|| SceneError::UnknownCameras { path: path.to_owned() })?;
-        return Ok(CameraSource { kind: Kind::Colmap, path: model });
+        if colmap::is_model(path) {
+            let source = CameraSource { kind: Kind::Colmap, path: path.to_owned() };
+            return Ok(Chosen { source, others: Vec::new(), reason: None });
+        }
+        let places = vec![models_in(path), models_in(&path.join("sparse")), dense_models(path)];
+        // The user named the folder, and so whatever is in it.
+        return Chosen::of(places, &ReadScope::new(path)).ok_or_else(unknown);
     }
     // A file named as JSON that does not begin as such is read all the same: the reader says what is wrong with it.
     let is_json = path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("json"));
@@ -103,9 +176,9 @@ fn given_choice(path: &Path) -> Result<CameraSource, SceneError> {
     let kind = match text_of(path)?.iter().find(begins) {
         Some(b'[') => Kind::GaussianSplatting,
         Some(b'{') => Kind::Transforms,
-        _ => return Err(SceneError::UnknownCameras { path: path.to_owned() }),
+        _ => return Err(unknown()),
     };
-    Ok(CameraSource { kind, path: path.to_owned() })
+    Ok(Chosen { source: CameraSource { kind, path: path.to_owned() }, others: Vec::new(), reason: None })
 }
 
 /// The contents of the `cfg_args` in `folder`; empty if the folder has none of its own.
@@ -122,16 +195,23 @@ fn training_folder(folder: &Path) -> Option<PathBuf> {
     source.is_dir().then_some(source)
 }
 
+/// The folders in which COLMAP, 3DGS and nerfstudio keep photos, best first; the last ones hold smaller copies.
+const PHOTO_FOLDERS: [&str; 5] = ["images", "input", "images_2", "images_4", "images_8"];
+
 /// The folders where photos and masks may be, and which of them the user named.
 pub(in crate::scene) struct Places<'a> {
     /// The folders for photos, best first.
     pub photos: Vec<PathBuf>,
+    /// Those of them that hold other things too.
+    parents: Vec<PathBuf>,
     /// True if `--images` names the folder; it is then the only one.
     pub photos_are_named: bool,
     /// `--masks`.
     pub masks: Option<&'a Path>,
     /// The files that may be read without being named by a flag.
     pub scope: ReadScope,
+    /// The scene's folder.
+    scene: PathBuf,
     /// The folder of the camera file, without links.
     beside: PathBuf,
     /// The `cfg_args` that names the training data, and the folder of the training data.
@@ -142,15 +222,38 @@ impl<'a> Places<'a> {
     /// The places for the photos of the camera file `choice` of the scene in `folder`.
     pub fn of(folder: &Path, choice: &CameraSource, options: &'a Options) -> Self {
         let training = training_folder(folder);
+        let (photos, parents) = match &options.images {
+            Some(given) => (vec![given.clone()], Vec::new()),
+            None => photo_folders(folder, choice, training.as_deref()),
+        };
+        let named = options.images.as_deref().into_iter().chain(options.masks.as_deref());
         Self {
-            photos: photo_folders(folder, choice, options.images.as_deref(), training.as_deref()),
+            photos,
+            parents,
             photos_are_named: options.images.is_some(),
             masks: options.masks.as_deref(),
             // Masks may be in the folder of photos that the user named.
-            scope: options.read_scope(folder).and(options.images.as_deref()),
+            scope: options.read_scope(folder).and(named),
+            scene: folder.to_owned(),
             beside: choice.path.parent().and_then(|folder| folder.canonicalize().ok()).unwrap_or_default(),
             training: training.map(|data| (folder.join(CFG_ARGS), data)),
         }
+    }
+
+    /// Whether the folder is one that only photos are expected in.
+    pub fn is_for_photos(&self, folder: &Path) -> bool {
+        !self.parents.iter().any(|parent| parent == folder)
+    }
+
+    /// Whether the names in a folder may be read: it is there, and in the scene or in what the user named.
+    pub fn may_list(&self, folder: &Path) -> bool {
+        folder.is_dir() && self.scope.leads_out(folder).is_none()
+    }
+
+    /// A path for messages: relative to the scene's folder if it lies in it.
+    pub fn short(&self, path: &Path) -> String {
+        let within = path.strip_prefix(&self.scene).unwrap_or(path);
+        if within.as_os_str().is_empty() { ".".to_owned() } else { within.display().to_string() }
     }
 
     /// The absolute path to which `file` leads from the folder of the camera file, whether or not anything is there.
@@ -178,32 +281,35 @@ impl<'a> Places<'a> {
     }
 }
 
-/// The folders in which the photos of a camera file may be, best first; only `given` if that is given. `training` is
-/// the folder of the training data.
-fn photo_folders(folder: &Path, choice: &CameraSource, given: Option<&Path>, training: Option<&Path>) -> Vec<PathBuf> {
-    if let Some(given) = given {
-        return vec![given.to_owned()];
-    }
+/// The folders in which the photos of a camera file may be, best first, and those of them that hold other things too.
+/// `training` is the folder of the training data.
+fn photo_folders(folder: &Path, choice: &CameraSource, training: Option<&Path>) -> (Vec<PathBuf>, Vec<PathBuf>) {
     // A COLMAP model is one to three folders below the parent of the photos' folder.
     let above = choice.path.ancestors().skip(1).take(if choice.kind == Kind::Colmap { 3 } else { 1 });
+    let parents: Vec<PathBuf> = [folder].into_iter().chain(above.clone()).chain(training).map(Path::to_owned).collect();
     let trained_on = training_arguments(folder).images;
-    let mut parents: Vec<PathBuf> = vec![folder.to_owned()];
-    parents.extend(above.map(Path::to_owned));
-    parents.extend(training.map(Path::to_owned));
-    let mut folders = Vec::new();
-    for parent in parents {
+    let below = |parent: &Path| -> Vec<PathBuf> {
+        let names = trained_on.as_deref().into_iter().chain(PHOTO_FOLDERS);
+        names.map(|name| parent.join(name)).filter(|path| path.is_dir()).collect()
+    };
+    // Photos beside a model below the scene's folder are those of that model, for instance undistorted ones.
+    let inner = above.filter(|parent| parent.starts_with(folder) && *parent != folder);
+    let mut candidates: Vec<PathBuf> = inner.flat_map(below).collect();
+    for parent in &parents {
         // transforms.json names files relative to itself, COLMAP and 3DGS relative to the photos' folder.
-        let below = trained_on.as_deref().into_iter().chain(["images", "input", "images_2", "images_4", "images_8"]);
-        let below: Vec<PathBuf> = below.map(|name| parent.join(name)).filter(|path| path.is_dir()).collect();
-        let in_order = match choice.kind {
-            Kind::Transforms => [vec![parent], below].concat(),
-            _ => [below, vec![parent]].concat(),
+        let of_parent = match choice.kind {
+            Kind::Transforms => [vec![parent.clone()], below(parent)].concat(),
+            _ => [below(parent), vec![parent.clone()]].concat(),
         };
-        for candidate in in_order {
-            if !folders.contains(&candidate) {
-                folders.push(candidate);
-            }
+        candidates.extend(of_parent);
+    }
+    candidates.extend([format!("{DENSE}/images"), format!("{DENSE}/0/images")].map(|place| folder.join(place)));
+    let mut folders: Vec<PathBuf> = Vec::new();
+    for candidate in candidates {
+        let is_there = candidate.as_os_str().is_empty() || candidate.is_dir();
+        if is_there && !folders.contains(&candidate) {
+            folders.push(candidate);
         }
     }
-    folders
+    (folders, parents)
 }

@@ -11,7 +11,7 @@ use serde::Deserialize;
 
 use super::frame::{Declared, Focal, Frame, FrameProblem, positive};
 use super::transforms::Problem;
-use super::{Applied, Capture, bytes_of};
+use super::{Capture, bytes_of};
 use crate::camera::{Distortion, rotation_of};
 use crate::files::json;
 use crate::scene::SceneError;
@@ -45,7 +45,7 @@ pub fn parse(bytes: &[u8]) -> Result<Capture, Problem> {
         let file = entry.img_name.clone();
         frame(entry).map_err(|problem| Problem::Frame { frame: index, file, problem })
     });
-    Ok(Capture { frames: frames.collect::<Result<_, _>>()?, applied: Applied::default() })
+    Ok(Capture { frames: frames.collect::<Result<_, _>>()?, ..Capture::default() })
 }
 
 fn frame(entry: Entry) -> Result<Frame, FrameProblem> {

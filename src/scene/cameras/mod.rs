@@ -5,7 +5,7 @@
 //!    [`colmap`], [`gaussian_splatting`] (the `cameras.json` of a 3DGS output folder).
 //! 3. [`dataparser`]: nerfstudio trains in its own frame; the cameras are moved to that frame, which is the splat's.
 //! 4. [`align`]: the conversion that the user gives; [`gsplat`]: the one that follows from the cameras themselves.
-//! 5. [`find_photos`]: the photo of each frame on disk, its actual size, its mask.
+//! 5. [`find_photos`](crate::scene::photos::find::find_photos): the photo of each frame on disk, its actual size, its mask.
 
 pub mod align;
 pub mod colmap;
@@ -21,7 +21,6 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Isometry3;
 
-pub(super) use crate::scene::photos::find::find_photos;
 pub(super) use find::{CameraSource, Kind, Places, choose};
 pub use frame::{Declared, Focal, Frame, FrameProblem};
 pub use registered::Registered;
@@ -34,6 +33,8 @@ use crate::files;
 pub struct Capture {
     pub frames: Vec<Frame>,
     pub applied: Applied,
+    /// Messages about how the file was read.
+    pub notes: Vec<String>,
 }
 
 /// The transform that was applied to the cameras before they were written, according to their file (nerfstudio's

@@ -107,7 +107,7 @@ pub fn parse(bytes: &[u8]) -> Result<Capture, Problem> {
         let declared = frame.lens.clone().or(&transforms.lens).declared().map_err(in_frame)?;
         Ok(Frame { file: frame.file_path, mask: frame.mask_path, declared, camera_from_world })
     });
-    Ok(Capture { frames: frames.collect::<Result<_, _>>()?, applied })
+    Ok(Capture { frames: frames.collect::<Result<_, _>>()?, applied, ..Capture::default() })
 }
 
 fn pose(rows: &[Vec<f64>]) -> Result<Isometry3<f64>, FrameProblem> {

@@ -39,7 +39,7 @@ const LEAST_OBJECT: f64 = 0.02;
 
 /// Per Gaussian, whether it belongs to the object; `None` if no cluster stands out or the cameras do not look at a
 /// common point.
-pub(super) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) -> Option<Vec<bool>> {
+pub(in crate::scene) fn around_focus(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) -> Option<Vec<bool>> {
     let world_from_camera: Vec<_> = cameras.iter().map(Isometry3::inverse).collect();
     let centers: Vec<Point3<f64>> = world_from_camera.iter().map(|pose| pose.translation.vector.into()).collect();
     let axes: Vec<Vector3<f64>> = world_from_camera.iter().map(|pose| pose.rotation * Vector3::z()).collect();

@@ -3,7 +3,7 @@
 //! The user may give a box around the object. Otherwise, if the photos have alpha or masks, the splat is taken to show
 //! the object alone; if not, the object is the densest cluster that the cameras look at (`cluster`).
 
-mod cluster;
+pub(super) mod cluster;
 pub mod outliers;
 pub(super) mod up;
 

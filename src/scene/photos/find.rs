@@ -3,91 +3,102 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
+use image::metadata::Orientation;
 use rayon::prelude::*;
 
+use super::listing::{Listings, key_of_masked};
+use super::look_up::{Found, Place, look_up};
+use super::mask::Mask;
+use super::mask_files::{MaskFiles, named_mask};
+use super::mask_lying::Lying;
 use crate::camera::{Camera, Intrinsics};
-use crate::files;
 use crate::scene::cameras::Places;
 use crate::scene::cameras::frame::{Declared, Frame, FrameProblem};
+use crate::scene::error::Held;
 use crate::scene::photos::Upright;
 use crate::scene::photos::view_names;
 use crate::scene::{SceneError, View};
 use crate::words::output::{agreeing, counted};
 
-/// The views of a camera file, and the warnings about them for the user.
+/// The number of pictures or views that a message names.
+const MOST_NAMED: usize = 8;
+
+/// The views of a camera file, and the messages about them for the user.
 #[derive(Debug)]
 pub(in crate::scene) struct Views {
     pub views: Vec<View>,
+    pub notes: Vec<String>,
     pub warnings: Vec<String>,
 }
 
 /// Finds the photo of each frame in `places`, and its mask there or beside the photo. Frames without a photo are
-/// counted.
+/// counted, and so are photos without a frame.
 pub(in crate::scene) fn find_photos(
     camera_file: &Path,
     frames: &[Frame],
     places: &Places,
 ) -> Result<Views, SceneError> {
-    let in_frame = |index: usize, problem| SceneError::Frame {
-        path: camera_file.to_owned(),
-        frame: index,
-        file: frames[index].file.clone(),
-        problem,
-    };
-    let mut present = Vec::new();
-    let mut missing = Vec::new();
-    let mut named: BTreeMap<(PathBuf, String), BTreeSet<&str>> = BTreeMap::new();
-    for (index, frame) in frames.iter().enumerate() {
-        match photo_of(&frame.file, places) {
-            Lookup::Found { folder, file, is_shortened } => {
-                named.entry((folder.clone(), file.clone())).or_default().insert(&frame.file);
-                present.push((index, folder, file, is_shortened));
-            }
-            Lookup::Missing => missing.push(frame.file.as_str()),
-            Lookup::Outside { leads_to } => return Err(in_frame(index, FrameProblem::OutsideScene { leads_to })),
-        }
+    let mut listings = Listings::default();
+    let found = look_up(camera_file, frames, places, &mut listings)?;
+    if found.places.is_empty() {
+        let first = frames.first().map(|frame| frame.file.clone()).unwrap_or_default();
+        let tried = places.photos.iter().filter(|folder| folder.is_dir());
+        let tried = tried.map(|folder| held(folder, places, &mut listings)).collect();
+        return Err(SceneError::NoPhotos { path: camera_file.to_owned(), count: frames.len(), first, tried });
     }
-    // Of several photos that end alike, one that is here may be any of them.
-    present.retain(|(index, folder, file, is_shortened)| {
-        let is_known = !is_shortened || named[&(folder.clone(), file.clone())].len() == 1;
-        if !is_known {
-            missing.push(frames[*index].file.as_str());
-        }
-        is_known
+    let mut mask_files = MaskFiles::new(camera_file, places, &mut listings);
+    let masks = found.places.iter().map(|place| {
+        // A photo that must not be read is the more important finding.
+        places.check_photo(camera_file, &place.folder, &place.path())?;
+        mask_files.of(&frames[place.frame], place)
     });
-    if present.is_empty() {
-        let (count, first) = (frames.len(), missing.first().copied().unwrap_or_default().to_owned());
-        return Err(SceneError::NoPhotos { path: camera_file.to_owned(), count, first, tried: places.photos.clone() });
-    }
-    let files: Vec<String> = present.iter().map(|(_, _, file, _)| file.clone()).collect();
-    let sized: Vec<Result<(View, Fit), SceneError>> = present
+    let masks: Vec<Option<PathBuf>> = masks.collect::<Result<_, _>>()?;
+    let mask_folders = mask_files.searched();
+    let files: Vec<String> = found.places.iter().map(|place| place.file.clone()).collect();
+    let sized: Vec<Result<(View, Fit), SceneError>> = found
+        .places
         .par_iter()
+        .zip(masks)
         .zip(view_names::of(&files))
-        .map(|((index, folder, file, _), name)| {
-            let frame = &frames[*index];
-            let image = folder.join(file);
-            places.check_photo(camera_file, folder, &image)?;
-            let (intrinsics, fit) = fitted(&image, &frame.declared, |problem| in_frame(*index, problem))?;
-            let camera = Camera { intrinsics, camera_from_world: frame.camera_from_world };
-            let mask = mask_of(frame, folder, file, places);
-            let named_in = frame.mask.as_ref().map(|_| camera_file);
-            mask.iter().try_for_each(|mask| places.check_mask(mask, named_in))?;
-            Ok((View { name, camera, image, upright: fit.upright, mask }, fit))
-        })
+        .map(|((place, mask), name)| view(camera_file, &frames[place.frame], place, mask, name))
         .collect();
     // Of several errors, that of the first frame is returned, whichever thread is fastest.
     let sized: Vec<(View, Fit)> = sized.into_iter().collect::<Result<_, _>>()?;
-    let mut warnings = warnings(camera_file, frames.len(), &missing, &sized);
-    if let Some(masks) = places.masks {
-        warnings.extend(views_without_mask(masks, &sized)?);
-    } else {
-        warnings.extend(masks_that_are_missing(
-            camera_file,
-            present.iter().map(|(index, folder, ..)| (&frames[*index], folder.as_path())),
-            places,
-        ));
+    let mut warnings = left_out(camera_file, frames, &found, places, &mut listings);
+    warnings.extend(about_photos(camera_file, &sized));
+    if let Some(warning) = views_without_mask(&mask_folders, &sized, places, &mut listings)? {
+        warnings.push(warning);
     }
-    Ok(Views { views: sized.into_iter().map(|(view, _)| view).collect(), warnings })
+    if places.masks.is_none() {
+        let named = found.places.iter().map(|place| (&frames[place.frame], place.folder.as_path()));
+        warnings.extend(masks_that_are_missing(camera_file, named, places));
+    }
+    let notes = notes(camera_file, frames, &found, places, &mut listings);
+    Ok(Views { views: sized.into_iter().map(|(view, _)| view).collect(), notes, warnings })
+}
+
+/// The view of a frame whose photo and mask were found.
+fn view(
+    camera_file: &Path,
+    frame: &Frame,
+    place: &Place,
+    mask: Option<PathBuf>,
+    name: String,
+) -> Result<(View, Fit), SceneError> {
+    let image = place.path();
+    let (intrinsics, fit) = fitted(&image, &frame.declared, |problem| SceneError::Frame {
+        path: camera_file.to_owned(),
+        frame: place.frame,
+        file: frame.file.clone(),
+        problem,
+    })?;
+    let camera = Camera { intrinsics, camera_from_world: frame.camera_from_world };
+    let size = (intrinsics.width, intrinsics.height);
+    let lying = |mask: PathBuf| -> Result<Mask, SceneError> {
+        Ok(Mask { lying: Lying::of(fit.orientation, fit.upright, &mask, size)?, ..Mask::new(mask) })
+    };
+    let mask = mask.map(lying).transpose()?;
+    Ok((View { name, camera, image, upright: fit.upright, mask }, fit))
 }
 
 /// How a photo was matched to its camera.
@@ -96,8 +107,8 @@ struct Fit {
     upright: Upright,
     /// The declared size, if it differs from the photo's.
     resized_from: Option<(u32, u32)>,
-    /// Whether the photo's EXIF orientation says that it is not stored upright.
-    turned: bool,
+    /// The photo's EXIF orientation.
+    orientation: Orientation,
 }
 
 /// The intrinsics for the photo's actual size.
@@ -112,73 +123,8 @@ fn fitted(
     let intrinsics = declared.intrinsics((width, height)).map_err(&in_frame)?;
     let fits = (intrinsics.width, intrinsics.height) == (width, height);
     let resized_from = (!fits).then_some((intrinsics.width, intrinsics.height));
-    let fit = Fit { upright, resized_from, turned: header.is_turned() };
+    let fit = Fit { upright, resized_from, orientation: header.orientation() };
     Ok((intrinsics.resized(width, height), fit))
-}
-
-/// The result of looking up a photo's name.
-enum Lookup {
-    /// The folder, and the path within it; whether only the end of the frame's path led there.
-    Found {
-        folder: PathBuf,
-        file: String,
-        is_shortened: bool,
-    },
-    Missing,
-    /// The name points outside of every folder.
-    Outside {
-        leads_to: PathBuf,
-    },
-}
-
-/// Looks for the photo called `file`.
-fn photo_of(file: &str, places: &Places) -> Lookup {
-    /// Camera files of Blender and 3DGS omit the extension.
-    const EXTENSIONS: [&str; 12] =
-        ["png", "jpg", "jpeg", "JPG", "PNG", "JPEG", "webp", "tif", "tiff", "bmp", "TIF", "BMP"];
-    let find = |file: &str| {
-        places.photos.iter().find_map(|folder| {
-            let file = view_names::path_within(folder, file)?;
-            let endings = EXTENSIONS.iter().map(|end| format!("{file}.{end}"));
-            let found = std::iter::once(file.clone()).chain(endings).find(|file| files::is_there(&folder.join(file)));
-            found.map(|file| (folder.clone(), file))
-        })
-    };
-    if let Some((folder, file)) = find(file) {
-        return Lookup::Found { folder, file, is_shortened: false };
-    }
-    // If the user names the photos' folder, the folders in a frame's path need not exist there.
-    if !places.photos_are_named {
-        let is_within = |file: &str| places.photos.iter().any(|folder| view_names::path_within(folder, file).is_some());
-        if is_within(file) {
-            return Lookup::Missing;
-        }
-        // An absolute path that is right on the machine where the cameras were calibrated leads out of every folder here.
-        if !view_names::is_absolute(file) {
-            // From the folder of the camera file, a name may climb and still lead to one of the folders.
-            let leads_to = places.beside_camera_file(file);
-            let climbed = leads_to.to_string_lossy().into_owned();
-            return match find(&climbed) {
-                Some((folder, file)) => Lookup::Found { folder, file, is_shortened: false },
-                None if is_within(&climbed) => Lookup::Missing,
-                None => Lookup::Outside { leads_to },
-            };
-        }
-    }
-    let mut ends = std::iter::successors(Some(file), |file| file.split_once(['/', '\\']).map(|(_, end)| end));
-    let found = ends.find_map(|end| find(end).filter(|_| !end.is_empty()));
-    found.map_or(Lookup::Missing, |(folder, file)| Lookup::Found { folder, file, is_shortened: true })
-}
-
-/// The mask that a frame names, wherever that is, if it exists. `folder` is that of the photo.
-fn named_mask(frame: &Frame, folder: &Path, places: &Places) -> Option<PathBuf> {
-    let mask = frame.mask.as_deref()?;
-    let candidates = match view_names::path_within(folder, mask) {
-        Some(within) => vec![folder.join(within)],
-        // A path that climbs does so from the folder of the camera file or from that of the photo.
-        None => vec![places.beside_camera_file(mask), folder.join(mask.replace('\\', "/"))],
-    };
-    candidates.into_iter().find(|path| files::is_there(path))
 }
 
 /// A warning about masks that frames name but that do not exist.
@@ -199,64 +145,165 @@ fn masks_that_are_missing<'a>(
     ))
 }
 
-/// The mask of a photo: the one that the frame names; else the one with the photo's name in `--masks`; else in a folder
-/// `masks` in the photos' folder, or beside it if that is in the scene.
-fn mask_of(frame: &Frame, folder: &Path, file: &str, places: &Places) -> Option<PathBuf> {
-    let masks = places.masks;
-    if masks.is_none()
-        && let Some(mask) = named_mask(frame, folder, places)
-    {
-        return Some(mask);
-    }
-    let below = file.split_once('/').map_or(file, |(_, rest)| rest);
-    let stem = |file: &str| file.rsplit_once('.').map_or(file, |(stem, _)| stem).to_owned();
-    let folders = match masks {
-        Some(masks) => vec![masks.to_owned()],
-        None => {
-            let beside = folder.parent().filter(|parent| places.scope.leads_out(parent).is_none());
-            [Some(folder), beside].into_iter().flatten().map(|folder| folder.join("masks")).collect()
-        }
-    };
-    // COLMAP appends .png to the photo's whole name.
-    let names = [file, below].into_iter().flat_map(|file| {
-        let stem = stem(file);
-        [format!("{stem}.png"), format!("{file}.png"), format!("{stem}.jpg"), file.to_owned()]
-    });
-    let names: Vec<String> = names.collect();
-    folders.iter().flat_map(|folder| names.iter().map(move |name| folder.join(name))).find(|path| files::is_there(path))
-}
-
-/// A warning that lists the views without a mask in the folder that the user named.
-fn views_without_mask(masks: &Path, sized: &[(View, Fit)]) -> Result<Option<String>, SceneError> {
+/// A warning that lists the views without a mask, if there is a folder of masks; an error if none of the views has one.
+fn views_without_mask(
+    folders: &[PathBuf],
+    sized: &[(View, Fit)],
+    places: &Places,
+    listings: &mut Listings,
+) -> Result<Option<String>, SceneError> {
     let without: Vec<&str> =
         sized.iter().map(|(view, _)| view).filter(|view| view.mask.is_none()).map(|view| view.name.as_str()).collect();
     let (count, views) = (without.len(), sized.len());
+    let tried: Vec<Held> = folders.iter().map(|folder| held(folder, places, listings)).collect();
+    let has_masks = places.masks.is_some() || tried.iter().any(|held| held.count > 0);
+    if count == 0 || !has_masks {
+        return Ok(None);
+    }
     if count == views {
         let first = without.first().copied().unwrap_or_default().to_owned();
-        return Err(SceneError::NoMasks { folder: masks.to_owned(), first, views });
+        return Err(SceneError::NoMasks { tried, first, views });
     }
-    Ok((count > 0).then(|| {
-        let folder = masks.display();
-        format!(
-            "--masks `{folder}` has no mask for {count} of {views} views: {}; the foreground there is taken from \
-             alpha, else from the Gaussians",
-            without.join(", ")
-        )
-    }))
+    let flag = if places.masks.is_some() { "--masks " } else { "" };
+    let folders: Vec<String> = folders.iter().map(|folder| format!("`{}`", places.short(folder))).collect();
+    Ok(Some(format!(
+        "{flag}{} {} no mask for {count} of {views} views: {}; the foreground there is taken from alpha, else from the Gaussians",
+        folders.join(" and "),
+        agreeing(folders.len(), "has", "have"),
+        some_of(without.into_iter()),
+    )))
 }
 
-fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View, Fit)]) -> Vec<String> {
+/// The pictures in a folder, as far as it may be listed: all below one that is for photos, else those in the folder itself.
+fn held(folder: &Path, places: &Places, listings: &mut Listings) -> Held {
+    if !places.may_list(folder) {
+        return Held { folder: folder.to_owned(), pictures: Vec::new(), count: 0, may_be_listed: false };
+    }
+    let listing = listings.of(folder);
+    let pictures: Vec<&str> = match places.is_for_photos(folder) {
+        true => listing.files().iter().map(String::as_str).collect(),
+        false => listing.direct().collect(),
+    };
+    let named = pictures.iter().take(MOST_NAMED / 2).map(|name| (*name).to_owned());
+    Held { folder: folder.to_owned(), pictures: named.collect(), count: pictures.len(), may_be_listed: true }
+}
+
+/// Up to [`MOST_NAMED`] names, and how many more there are.
+fn some_of<'a>(names: impl ExactSizeIterator<Item = &'a str>) -> String {
+    let more = names.len().saturating_sub(MOST_NAMED);
+    let named = names.take(MOST_NAMED).collect::<Vec<_>>().join(", ");
+    if more > 0 { format!("{named} and {more} more") } else { named }
+}
+
+/// What was chosen: the folders of the photos, other names than those in the camera file, photos without a camera.
+fn notes(camera_file: &Path, frames: &[Frame], found: &Found, places: &Places, listings: &mut Listings) -> Vec<String> {
+    let mut folders: BTreeMap<PathBuf, BTreeSet<PathBuf>> = BTreeMap::new();
+    for path in found.places.iter().map(Place::path) {
+        folders.entry(path.parent().unwrap_or(Path::new("")).to_owned()).or_default().insert(path);
+    }
+    let (named, more) = (folders.iter().take(MOST_NAMED), folders.len().saturating_sub(MOST_NAMED));
+    let mut counts: Vec<String> =
+        named.map(|(folder, photos)| format!("{} in `{}`", photos.len(), places.short(folder))).collect();
+    if more > 0 {
+        counts.push(format!("others in {}", counted(more, "folder")));
+    }
+    let mut notes = vec![format!("photos: {}", counts.join(", "))];
+    let renamed: Vec<&Place> = found.places.iter().filter(|place| !place.is_exact).collect();
+    if let Some(first) = renamed.first() {
+        notes.push(format!(
+            "{} under another name or in another folder than `{}` says (first: `{}` is `{}`)",
+            agreeing_count(renamed.len(), "photo was found", "photos were found"),
+            places.short(camera_file),
+            frames[first.frame].file,
+            places.short(&first.path()),
+        ));
+    }
+    notes.extend(without_camera(camera_file, &folders, places, listings));
+    notes
+}
+
+/// A note about the photos in the same folders that the camera file does not name. Masks of those that it names do not count.
+fn without_camera(
+    camera_file: &Path,
+    folders: &BTreeMap<PathBuf, BTreeSet<PathBuf>>,
+    places: &Places,
+    listings: &mut Listings,
+) -> Option<String> {
+    let mut without: Vec<PathBuf> = Vec::new();
+    let mut all = 0;
+    for (folder, photos) in folders.iter().filter(|(folder, _)| places.may_list(folder)) {
+        let masked: BTreeSet<String> =
+            photos.iter().filter_map(|photo| Some(key_of_masked(photo.file_name()?.to_str()?))).collect();
+        let others = listings.of(folder).direct().filter(|name| !photos.contains(&folder.join(name)));
+        let others: Vec<PathBuf> =
+            others.filter(|name| !masked.contains(&key_of_masked(name))).map(|name| folder.join(name)).collect();
+        all += photos.len() + others.len();
+        without.extend(others);
+    }
+    let first = without.first()?;
+    Some(format!(
+        "{} of the {} there {} no camera in `{}` and {} left out (first: `{}`)",
+        without.len(),
+        counted(all, "photo"),
+        agreeing(without.len(), "has", "have"),
+        places.short(camera_file),
+        agreeing(without.len(), "is", "are"),
+        places.short(first),
+    ))
+}
+
+fn agreeing_count(count: usize, one: &'static str, more: &'static str) -> String {
+    format!("{count} {}", agreeing(count, one, more))
+}
+
+/// Warnings about the frames that become no views.
+fn left_out(
+    camera_file: &Path,
+    frames: &[Frame],
+    found: &Found,
+    places: &Places,
+    listings: &mut Listings,
+) -> Vec<String> {
     let mut warnings = Vec::new();
-    let file = camera_file.display();
-    if let Some(first) = missing.first() {
-        let count = missing.len();
+    let (file, all) = (camera_file.display(), counted(frames.len(), "photo"));
+    if let Some(first) = found.missing.first() {
+        let count = found.missing.len();
+        let near = found.places.first().map(Place::path).unwrap_or_default();
+        let near = near.parent().map(Path::to_owned).unwrap_or_default();
+        let there = held(&near, places, listings);
+        let there = match there.count {
+            0 => String::new(),
+            count => format!(
+                "; `{}` has {}: {} ...",
+                places.short(&near),
+                counted(count, "picture"),
+                there.pictures.join(" ")
+            ),
+        };
         warnings.push(format!(
-            "{count} of the {} that `{file}` names {} missing (first: `{first}`); {} left out",
-            counted(frames, "photo"),
+            "{count} of the {all} that `{file}` names {} missing (first: `{}`{there}); {} left out",
             agreeing(count, "is", "are"),
+            frames[*first].file,
             agreeing(count, "it is", "they are"),
         ));
     }
+    if let Some(first) = found.shared.first() {
+        let count = found.shared.len();
+        warnings.push(format!(
+            "{count} of the {all} that `{file}` names {} left out, because the only picture that may be {} may just as well be \
+             that of another camera (first: `{}`)",
+            agreeing(count, "is", "are"),
+            agreeing(count, "it", "one of them"),
+            frames[*first].file,
+        ));
+    }
+    warnings
+}
+
+/// Warnings about photos of another size than declared, and about those that are not stored upright.
+fn about_photos(camera_file: &Path, sized: &[(View, Fit)]) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let file = camera_file.display();
     let resized: Vec<_> = sized.iter().filter_map(|(view, fit)| fit.resized_from.map(|size| (view, size))).collect();
     if let Some((view, (width, height))) = resized.first() {
         let Intrinsics { width: true_width, height: true_height, .. } = view.camera.intrinsics;
@@ -268,7 +315,7 @@ fn warnings(camera_file: &Path, frames: usize, missing: &[&str], sized: &[(View,
             view.name
         ));
     }
-    let turned: Vec<_> = sized.iter().filter(|(_, fit)| fit.turned).collect();
+    let turned: Vec<_> = sized.iter().filter(|(_, fit)| fit.orientation != Orientation::NoTransforms).collect();
     if let Some((view, _)) = turned.first() {
         let done = match turned.iter().filter(|(view, _)| view.upright == Upright::Turned).count() {
             0 => "not turned, because the cameras were calibrated on photos as they are stored".to_owned(),

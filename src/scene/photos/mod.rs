@@ -2,6 +2,13 @@
 
 pub(super) mod choose;
 pub(super) mod find;
+mod listing;
+mod look_up;
+mod mask;
+pub(super) mod mask_color;
+mod mask_files;
+mod mask_lying;
+pub(super) mod mask_reading;
 mod sharpness;
 pub(super) mod view_names;
 
@@ -16,6 +23,7 @@ use image::{
 
 use super::{SceneError, View};
 use crate::files::{self, PictureSource, jpeg};
+pub use mask::Mask;
 
 /// A decoded photo at its camera's size.
 #[derive(Debug, Clone)]
@@ -64,14 +72,14 @@ impl Header {
         self.orientation != Orientation::NoTransforms
     }
 
+    pub fn orientation(&self) -> Orientation {
+        self.orientation
+    }
+
     /// Width and height of the photo when used this way.
     pub fn size(&self, upright: Upright) -> (u32, u32) {
         let (width, height) = self.stored;
-        let on_its_side = matches!(
-            self.orientation,
-            Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH
-        );
-        if upright == Upright::Turned && on_its_side { (height, width) } else { (width, height) }
+        if upright == Upright::Turned && swaps_sides(self.orientation) { (height, width) } else { (width, height) }
     }
 
     /// Applies the orientation, unless the declared size shows that the cameras may belong to the pixels as stored: it
@@ -83,6 +91,14 @@ impl Header {
         let fits_stored = |size| same_shape(size, stored) && off(size, stored) <= off(size, turned);
         if !self.is_turned() || declared.is_some_and(fits_stored) { Upright::AsStored } else { Upright::Turned }
     }
+}
+
+/// Whether applying the orientation exchanges width and height.
+fn swaps_sides(orientation: Orientation) -> bool {
+    matches!(
+        orientation,
+        Orientation::Rotate90 | Orientation::Rotate270 | Orientation::Rotate90FlipH | Orientation::Rotate270FlipH
+    )
 }
 
 /// Memory limit for decoding a view's photo: every thread may process a photo at once, each in a few copies, and every
@@ -118,7 +134,7 @@ impl View {
         if found != expected {
             return Err(SceneError::ImageChanged { path: self.image.clone(), expected, found });
         }
-        let mask = self.mask.as_deref().map(|path| mask(path, self.upright, VIEW_LIMIT, expected)).transpose()?;
+        let mask = self.mask.as_ref().map(|mask| mask.coverage(self.upright, VIEW_LIMIT, expected)).transpose()?;
         Ok(Photo::of(picture, mask))
     }
 
@@ -129,8 +145,8 @@ impl View {
     /// As for [`Self::photo`].
     pub fn coverage(&self) -> Result<Option<GrayImage>, SceneError> {
         let expected = (self.camera.intrinsics.width, self.camera.intrinsics.height);
-        if let Some(path) = &self.mask {
-            return Ok(Some(mask(path, self.upright, VIEW_LIMIT, expected)?));
+        if let Some(mask) = &self.mask {
+            return Ok(Some(mask.coverage(self.upright, VIEW_LIMIT, expected)?));
         }
         if !header(&self.image)?.has_alpha {
             return Ok(None);
@@ -158,7 +174,8 @@ impl Photo {
         let factor = size.0.max(size.1) / KEPT_SIDE;
         let picture = if factor > 2 { shrunk(&picture, factor) } else { picture };
         let shown = (picture.width(), picture.height());
-        let mask = path_of_mask.map(|path| mask(path, Upright::Turned, ALONE_LIMIT, shown)).transpose()?;
+        let read_alone = |mask| mask_reading::alone(path, mask, shown)?.coverage(Upright::Turned, ALONE_LIMIT, shown);
+        let mask = path_of_mask.map(read_alone).transpose()?;
         Ok((Self::of(picture, mask), size))
     }
 
@@ -173,31 +190,6 @@ impl Photo {
         };
         Self { rgb, foreground, foreground_source, over_white }
     }
-}
-
-/// The mask's alpha if it has one that is not opaque everywhere, else its brightness; resized to the photo if
-/// necessary.
-///
-/// # Errors
-/// As for a photo, and if the mask is not a picture of this shape, for instance because it lies on its side, or if its
-/// values are 0 and 1, as programs write truth values: all of them would count as black.
-fn mask(path: &Path, upright: Upright, limit: Limit, photo: (u32, u32)) -> Result<GrayImage, SceneError> {
-    let picture = decode(path, upright, limit)?;
-    let found = (picture.width(), picture.height());
-    if !same_shape(found, photo) {
-        return Err(SceneError::MaskShape { path: path.to_owned(), photo, found });
-    }
-    // With 8 bits, 1 of 65535 is 0.
-    let is_of_deep_ones = picture.as_luma16().is_some_and(|deep| deep.as_raw().iter().max() == Some(&1));
-    let alpha = picture.color().has_alpha().then(|| alpha_of(&picture.to_rgba8())).filter(|alpha| !is_white(alpha));
-    let mask = alpha.unwrap_or_else(|| picture.into_luma8());
-    if is_of_deep_ones || mask.as_raw().iter().max() == Some(&1) {
-        return Err(SceneError::MaskOfOnes { path: path.to_owned() });
-    }
-    Ok(match found == photo {
-        true => mask,
-        false => image::imageops::resize(&mask, photo.0, photo.1, image::imageops::FilterType::Triangle),
-    })
 }
 
 /// Whether two pictures have the same aspect ratio, within one percent or the rounding of one of them to whole pixels.

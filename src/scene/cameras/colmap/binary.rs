@@ -8,6 +8,9 @@ use super::{Cameras, Image, Problem, models};
 const OBSERVATION: u64 = 24;
 /// Bytes of one picture that shows a point: the image, and the number of the observation in it.
 const TRACK: u64 = 8;
+/// Bytes of an image without a name and without observations: its number, pose and camera, the end of its name, and the count
+/// of its observations.
+pub(super) const LEAST_BYTES_OF_IMAGE: u64 = 4 + 7 * 8 + 4 + 1 + 8;
 
 pub(super) fn cameras(bytes: &[u8]) -> Result<Cameras, Problem> {
     let mut reader = Reader::new(bytes, "camera")?;

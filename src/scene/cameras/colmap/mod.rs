@@ -11,14 +11,17 @@ mod problem;
 mod text;
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 
 use super::frame::{Declared, Frame};
-use super::{Applied, Capture, bytes_of, text_of};
+use super::{Capture, bytes_of, text_of};
 use crate::files;
+use crate::files::read_scope::ReadScope;
 use crate::scene::SceneError;
+use crate::words::output::counted;
 pub use problem::Problem;
 
 /// The cameras by id.
@@ -75,7 +78,7 @@ pub fn parse_cameras_text(text: &str) -> Result<Cameras, Problem> {
 /// # Errors
 /// [`Problem`] if a line is not an image.
 pub fn parse_images_text(text: &str) -> Result<Vec<Image>, Problem> {
-    text::images(text)
+    text::images(text).map(|listed| listed.images)
 }
 
 /// Reads `points3D.bin` from memory: the points' places.
@@ -124,6 +127,26 @@ pub(super) fn model_files(folder: &Path) -> [PathBuf; 2] {
     ["cameras", "images"].map(|name| folder.join(format!("{name}.{end}")))
 }
 
+/// The number of images in the model in `folder`, or as many as there can be in the file if that claims more; 0 if the file
+/// cannot be read, or may not be according to `scope`.
+pub(super) fn image_count(folder: &Path, scope: &ReadScope) -> u64 {
+    let [_, images_at] = model_files(folder);
+    if scope.leads_out(&images_at).is_some() {
+        return 0;
+    }
+    if images_at.extension().is_some_and(|end| end == "txt") {
+        let text = text_of(&images_at).unwrap_or_default();
+        return parse_images_text(&String::from_utf8_lossy(&text)).map_or(0, |images| images.len() as u64);
+    }
+    let mut claimed = [0; 8];
+    let Ok(mut file) = files::open(&images_at) else { return 0 };
+    let bytes = file.metadata().map_or(0, |found| found.len());
+    match file.read_exact(&mut claimed) {
+        Ok(()) => u64::from_le_bytes(claimed).min(bytes / binary::LEAST_BYTES_OF_IMAGE),
+        Err(_) => 0,
+    }
+}
+
 /// Reads the model in `folder`, preferring the binary one if its two files exist; the images are sorted by name, as in
 /// 3DGS.
 pub(super) fn read(folder: &Path) -> Result<(Capture, Vec<PathBuf>), SceneError> {
@@ -140,16 +163,25 @@ pub(super) fn read(folder: &Path) -> Result<(Capture, Vec<PathBuf>), SceneError>
         false => parse_cameras_text(&String::from_utf8_lossy(&cameras)),
     };
     let images = match binary {
-        true => parse_images_binary(&images),
-        false => parse_images_text(&String::from_utf8_lossy(&images)),
+        true => parse_images_binary(&images).map(|images| text::Listed { images, without_points: 0 }),
+        false => text::images(&String::from_utf8_lossy(&images)),
     };
     let cameras = cameras.map_err(in_file(&cameras_at))?;
-    let images = images.map_err(in_file(&images_at))?;
+    let text::Listed { images, without_points } = images.map_err(in_file(&images_at))?;
     let frames = frames(&cameras, images).map_err(in_file(&images_at))?;
     if frames.is_empty() {
         return Err(SceneError::NoFrames { path: images_at });
     }
-    Ok((Capture { frames, applied: Applied::default() }, vec![cameras_at, images_at]))
+    let notes = (without_points > 0).then(|| {
+        format!(
+            "`{}` has no line of points after {} of its {}; all of them are read",
+            images_at.display(),
+            without_points,
+            counted(frames.len(), "photo"),
+        )
+    });
+    let notes = notes.into_iter().collect();
+    Ok((Capture { frames, notes, ..Capture::default() }, vec![cameras_at, images_at]))
 }
 
 fn frames(cameras: &Cameras, mut images: Vec<Image>) -> Result<Vec<Frame>, Problem> {

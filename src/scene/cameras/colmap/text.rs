@@ -1,5 +1,5 @@
 //! `cameras.txt` (one line per camera), `images.txt` (two lines per image, the second of which lists its points and may be
-//! empty) and `points3D.txt` (one line per point). Lines that start with `#` are comments.
+//! empty; some programs leave it out) and `points3D.txt` (one line per point). Lines that start with `#` are comments.
 
 use std::str::FromStr;
 
@@ -23,9 +23,16 @@ pub(super) fn cameras(text: &str) -> Result<Cameras, Problem> {
     Ok(cameras)
 }
 
-pub(super) fn images(text: &str) -> Result<Vec<Image>, Problem> {
-    let mut images = Vec::new();
-    let mut lines = numbered(text);
+/// The images of an `images.txt`.
+pub(super) struct Listed {
+    pub images: Vec<Image>,
+    /// The number of images that another image follows directly, without a line of points between them.
+    pub without_points: usize,
+}
+
+pub(super) fn images(text: &str) -> Result<Listed, Problem> {
+    let mut listed = Listed { images: Vec::new(), without_points: 0 };
+    let mut lines = numbered(text).peekable();
     while let Some((line, text)) = lines.next() {
         if is_remark(text) || text.is_empty() {
             continue;
@@ -38,11 +45,27 @@ pub(super) fn images(text: &str) -> Result<Vec<Image>, Problem> {
         // A name may contain spaces.
         let first = words.word("NAME")?;
         let name = text[offset(text, first)..].to_owned();
-        images.push(Image::new(id, camera, name, quaternion, translation)?);
-        // The image's points.
-        lines.next();
+        listed.images.push(Image::new(id, camera, name, quaternion, translation)?);
+        match lines.peek() {
+            Some((_, next)) if is_image(next) => listed.without_points += 1,
+            _ => drop(lines.next()),
+        }
     }
-    Ok(images)
+    Ok(listed)
+}
+
+/// True if a line after that of an image is that of another one. A line of points consists of numbers in threes: x, y and
+/// the number of the 3D point. The tenth word of an image's line is its name.
+fn is_image(text: &str) -> bool {
+    let words: Vec<&str> = text.split_ascii_whitespace().take(10).collect();
+    let [id, pose @ .., camera, name] = &words[..] else { return false };
+    let is_number = |word: &str| word.parse::<f64>().is_ok();
+    let begins_like_one = words.len() == 10
+        && id.parse::<u32>().is_ok()
+        && pose.iter().all(|word| is_number(word))
+        && camera.parse::<u32>().is_ok();
+    // A name such as `000` is a number too, but then there is nothing after it.
+    begins_like_one && (!is_number(name) || text.split_ascii_whitespace().nth(10).is_none())
 }
 
 pub(super) fn points(text: &str) -> Result<Vec<Point3<f64>>, Problem> {

@@ -7,6 +7,7 @@ use ply_rs_bw::ply::{ElementDef, Encoding, PropertyType, ScalarType};
 use super::Problem;
 use super::header::Header;
 use crate::gaussians::{ExtraProperty, Gaussians};
+use crate::words::output::agreeing;
 
 /// Indices of the arrays of [`Gaussians`] that a file fills; those for properties that gprop does not know start at
 /// [`FIRST_EXTRA`].
@@ -39,6 +40,11 @@ const REQUIRED: [(&str, usize, usize); 14] = [
 /// The one property of [`REQUIRED`] that 2D Gaussian Splatting leaves out: its Gaussians are flat.
 const THIRD_SCALE: &str = "scale_2";
 
+/// The elements that Apple's SHARP writes beside the Gaussians, which describe its one photo (`save_ply` in its source).
+const OF_SHARP: [&str; 7] = ["extrinsic", "intrinsic", "image_size", "frame", "disparity", "color_space", "version"];
+/// The one of them that no other program is known to write.
+const SHARP_MARK: &str = "disparity";
+
 /// The layout of a row in the file and the places its values go to.
 pub(super) struct Layout {
     /// Rows that the header claims.
@@ -58,6 +64,7 @@ pub(super) struct Layout {
     pub vertex: ElementDef,
     /// Whether other elements follow, which gprop does not read.
     pub followed: bool,
+    pub notes: Vec<String>,
     pub warnings: Vec<String>,
 }
 
@@ -137,20 +144,22 @@ impl Layout {
             extra: Vec::new(),
             vertex: vertex.clone(),
             followed: vertex_and_after.len() > 1,
+            notes: Vec::new(),
             warnings: Vec::new(),
         };
         layout.place(&properties);
-        layout.warn_of_other_elements(&header.elements);
+        layout.tell_of_other_elements(&header.elements);
         Ok(layout)
     }
 
     /// Fills `columns` and `extra`.
     fn place(&mut self, properties: &[(&str, Scalar)]) {
         let mut offset = 0;
+        let mut rounded = Vec::new();
         for &(name, scalar) in properties {
             let (array, lane) = place_of(name).unwrap_or_else(|| {
                 if !scalar.fits_f32() {
-                    self.warnings.push(format!("property `{name}` is kept as float32, rounded from a wider type"));
+                    rounded.push(name);
                 }
                 self.extra.push(name.to_owned());
                 (FIRST_EXTRA + self.extra.len() - 1, 0)
@@ -161,11 +170,35 @@ impl Layout {
             }
             offset += scalar.bytes();
         }
+        if !rounded.is_empty() {
+            self.warnings.push(format!(
+                "{} {} {} kept as float32, rounded from a wider type",
+                agreeing(rounded.len(), "property", "properties"),
+                quoted(&rounded),
+                agreeing(rounded.len(), "is", "are"),
+            ));
+        }
     }
 
-    fn warn_of_other_elements(&mut self, elements: &[ElementDef]) {
-        for element in elements.iter().filter(|e| e.name != "vertex" && e.count > 0) {
-            self.warnings.push(format!("element `{}` ({} rows) is neither read nor kept", element.name, element.count));
+    /// Says in one sentence which elements beside the Gaussians are left out. Those that a known program always writes are
+    /// no cause for a warning.
+    fn tell_of_other_elements(&mut self, elements: &[ElementDef]) {
+        let others: Vec<&str> =
+            elements.iter().filter(|e| e.name != "vertex" && e.count > 0).map(|e| e.name.as_str()).collect();
+        if others.is_empty() {
+            return;
+        }
+        let left_out = format!(
+            "{} {} {} neither read nor kept",
+            agreeing(others.len(), "element", "elements"),
+            quoted(&others),
+            agreeing(others.len(), "is", "are"),
+        );
+        if others.contains(&SHARP_MARK) && others.iter().all(|name| OF_SHARP.contains(name)) {
+            self.notes
+                .push(format!("Apple's SHARP: the {left_out}; they describe the photo that the splat was made from"));
+        } else {
+            self.warnings.push(left_out);
         }
     }
 
@@ -231,6 +264,16 @@ fn sh_rest_index(name: &str) -> Option<usize> {
     let index = digits.parse().ok()?;
     // `f_rest_07` would be a second name for `f_rest_7`.
     (digits == format!("{index}")).then_some(index)
+}
+
+/// Names from a file, of which a hostile one may have many.
+fn quoted(names: &[&str]) -> String {
+    const MOST_NAMED: usize = 8;
+    let mut text: Vec<String> = names.iter().take(MOST_NAMED).map(|name| format!("`{name}`")).collect();
+    if names.len() > MOST_NAMED {
+        text.push(format!("{} more", names.len() - MOST_NAMED));
+    }
+    text.join(", ")
 }
 
 /// Name and type of each property; [`Problem::List`] if one is a list.

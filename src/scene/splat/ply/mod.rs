@@ -157,7 +157,8 @@ fn read_bytes(bytes: &impl Bytes) -> Result<Loaded, Problem> {
     if let Some(which) = activated::activated(&body.gaussians, layout.flat) {
         return Err(Problem::Activated { which });
     }
-    let notes = kinds::recognise(&mut body, layout.flat, &header.comments);
+    let mut notes = kinds::recognise(&mut body, layout.flat, &header.comments);
+    notes.extend(layout.notes);
     finished(body, Loaded { notes, warnings: layout.warnings, ..Loaded::default() })
 }
 
