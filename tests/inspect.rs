@@ -360,10 +360,9 @@ fn another_scene_s_cameras_are_not_explained_away() {
     }
     std::fs::write(&path, transforms.to_string()).unwrap();
     let found = inspected(folder.path(), &Options::default());
-    println!("{:?}", found.suggestion);
     assert_eq!(found.aligned, Some(false));
     assert!(found.suggestion.is_none());
-    assert!(to_text(&found).contains("neither one of the usual conversions nor any rotation, shift and scale"));
+    assert!(to_text(&found).contains("none of the usual conversions fixes it"));
 }
 
 /// The cloud in the world that `new_from_old` maps its own to.
@@ -393,23 +392,6 @@ fn similarity(scale: f64, turn: [f64; 3], shift: [f64; 3]) -> Similarity3<f64> {
 /// The median PSNR of the views as they fit.
 fn median_psnr(found: &Inspection) -> f64 {
     upper_median(found.views.iter().map(|view| view.psnr_db).collect()).unwrap()
-}
-
-#[test]
-fn a_splat_moved_by_any_similarity_is_found() {
-    let folder = with_poses(|pose| pose);
-    let unmoved = median_psnr(&inspected(folder.path(), &Options::default()));
-    let moves =
-        [similarity(3.7, [0.4, -1.9, 1.1], [5.0, -2.0, 0.6]), similarity(0.02, [-2.1, 0.3, 0.9], [0.1, 0.2, -7.0])];
-    for of_splat in &moves {
-        write_splat(folder.path(), &moved(thinned(), of_splat));
-        let align = assert_diagnosed("any similarity", &folder);
-        assert!(align.starts_with("sim="), "{align}");
-        let options = Options { align: align.parse().unwrap(), ..Options::default() };
-        let mended = median_psnr(&inspected(folder.path(), &options));
-        // A tenth of a decibel is a tenth of a pixel, no more.
-        assert!(mended > unmoved - 0.1, "{mended:.2} dB instead of {unmoved:.2} with {align}");
-    }
 }
 
 /// The fixture's cameras as a COLMAP model with 3D points, and its thinned splat moved as gsplat's `Parser` moves it:

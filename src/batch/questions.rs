@@ -59,7 +59,8 @@ impl<'a> Questions<'a> {
         options: &pipeline::Options,
         options_of: &'a dyn Fn(&Path) -> Result<pipeline::Options>,
     ) -> Result<Self> {
-        let (key, network) = (ApiKey::from_environment(&options.query)?, options.setup.network());
+        let (key, network) =
+            (ApiKey::from_environment(&options.query).map_err(ClientError::from)?, options.setup.network());
         let client = Client::new(&options.query, key, network, Progress::Hidden)?.ok_or(ClientError::NoUrl)?;
         let budget = query::ask::budget::Budget::new(query_session::price(&options.query)?, options.query.max_usd);
         let lock = Ledger::open(&batch.home(), batch.shard())?;

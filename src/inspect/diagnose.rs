@@ -5,7 +5,6 @@
 //!    own scale; conversions after which some view would not even have the object in its picture are discarded without
 //!    rendering. If none fits, the most common of them are tried with the camera centres scaled. The best candidates are
 //!    rendered for more views; the winner's scale is refined.
-//! 3. Any other [similarity](similarity).
 //!
 //! The first of these after which the photos fit the splat, by the same rules as for the cameras as they are, is suggested.
 
@@ -13,12 +12,12 @@ use nalgebra::{Isometry3, Point3, Similarity3};
 use serde::Serialize;
 
 use super::verdict::{self, MOST_VIEWS, SIDE, Small, Verdict, correlation, picture, small_views};
-use super::{ViewFit, compare, similarity};
+use super::{ViewFit, compare};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::RenderOptions;
-use crate::scene::cameras::align::{Align, Conversion, Reading, SignedPermutation, rounded as rounded_similarity};
+use crate::scene::cameras::align::{Align, Conversion, Reading, SignedPermutation};
 use crate::scene::{Scene, SceneError, View};
 use crate::words::progress::Progress;
 
@@ -51,10 +50,6 @@ const MOST_GAUSSIANS: usize = 40_000;
 /// Share of the object that each view must have in its picture for a candidate to be rendered.
 const LEAST_IN_PICTURE: f64 = 0.3;
 
-/// A usual conversion with at least this correlation needs no other similarity to be sought: what misses a pixel of small
-/// pictures costs more.
-const SURE_CORRELATION: f64 = 0.95;
-
 /// What makes the photos fit best, better than the conversion that the cameras of `views` have gone through and which it is
 /// to replace. `fits` and `verdict`: how the views fit now.
 pub(super) fn suggest(
@@ -74,20 +69,7 @@ pub(super) fn suggest(
     if let Some(found) = trial.of_gsplat()? {
         return Ok(Some(found));
     }
-    let usual = trial.usual()?;
-    if usual.as_ref().is_some_and(|usual| usual.correlation_after >= SURE_CORRELATION) {
-        return Ok(usual);
-    }
-    for similarity in similarity::search(scene, &trial.views)? {
-        let conversion = Conversion { similarity: rounded_similarity(&similarity), ..Conversion::default() };
-        let found = trial.of(&Align::By(conversion), &conversion)?;
-        if let Some(found) = found
-            && usual.as_ref().is_none_or(|usual| found.psnr_after_db > usual.psnr_after_db)
-        {
-            return Ok(Some(found));
-        }
-    }
-    Ok(usual)
+    trial.usual()
 }
 
 /// The views that conversions are tried on.
@@ -134,7 +116,7 @@ impl Trial<'_> {
     /// The best of the usual conversions.
     fn usual(&self) -> Result<Option<Suggestion>, SceneError> {
         let search = Search {
-            coarse: similarity::thinned(&self.scene.whole_cloud(), FIRST_GAUSSIANS),
+            coarse: thinned(&self.scene.whole_cloud(), FIRST_GAUSSIANS),
             cloud: reduced(&self.scene.whole_cloud()),
             samples: samples(&self.scene.gaussians),
             views: small_views(self.scene, &self.views, SIDE, MOST_VIEWS)?,
@@ -158,6 +140,18 @@ fn seen_from(view: &View, camera_from_world: Isometry3<f64>) -> View {
 
 fn median_psnr<'a>(fits: impl Iterator<Item = &'a ViewFit>) -> f64 {
     upper_median(fits.map(|fit| fit.psnr_db).collect()).unwrap_or_default()
+}
+
+/// At most about `most` of the Gaussians, evenly from the whole file, enlarged so that they still cover what all of them do.
+fn thinned(cloud: &Gaussians, most: usize) -> Gaussians {
+    let step = cloud.len().div_ceil(most).max(1);
+    let mut thinned = cloud.clone();
+    if step > 1 {
+        thinned.retain(&(0..cloud.len()).map(|i| i % step == 0).collect::<Vec<_>>());
+        let larger = 0.5 * (step as f32).ln();
+        thinned.log_scales.iter_mut().flatten().for_each(|scale| *scale += larger);
+    }
+    thinned
 }
 
 struct Search<'a> {

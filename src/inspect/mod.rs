@@ -3,7 +3,7 @@
 //!
 //! 1. [`compare`]: PSNR and mask overlap view by view.
 //! 2. [`verdict`]: whether the photos fit their own cameras better than those of other views.
-//! 3. [`diagnose`]: if they do not, which conversion would make them fit: one of the usual ones, or any [`similarity`].
+//! 3. [`diagnose`]: if they do not, which conversion would make them fit: gsplat's or one of the usual ones.
 //! 4. [`text`] and [`page`]: the result on one screen, or as a page with the pictures side by side.
 //!
 //! [`misfit()`] looks at a few views only; every run does that before anything else.
@@ -13,7 +13,6 @@ mod diagnose;
 mod misfit;
 mod page;
 mod quaternions;
-mod similarity;
 mod text;
 mod verdict;
 

@@ -134,14 +134,13 @@ pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
         (Some(false), None) => vec![
             (
                 "NOT ALIGNED",
-                "photos and Gaussians do not line up, and neither one of the usual conversions nor any rotation, shift and scale \
-                 that was tried fixes it".to_owned(),
+                "photos and Gaussians do not line up, and none of the usual conversions fixes it".to_owned(),
             ),
             (
                 "try",
                 "the cameras that the splat was trained with (--cameras); for a nerfstudio export, its \
                  dataparser_transforms.json beside the splat; for gsplat's trainer, points3D.bin beside COLMAP's cameras \
-                 (it moves both unless --no-normalize-world-space); or make sure that the splat is of this capture"
+                 (it moves both unless --no-normalize-world-space); or make sure that the splat is of this capture; if you know how the splat was moved, --align sim=..."
                     .to_owned(),
             ),
         ],

@@ -1,7 +1,7 @@
 //! Decides whether photos and Gaussians line up, on small pictures, which are insensitive to noise and exposure.
 
 use image::imageops::{FilterType, resize};
-use image::{GrayImage, Luma, Rgb, Rgb32FImage, RgbImage, buffer::ConvertBuffer};
+use image::{Rgb32FImage, buffer::ConvertBuffer};
 use rayon::prelude::*;
 
 use super::ViewFit;
@@ -10,7 +10,7 @@ use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
-use crate::scene::{ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
+use crate::scene::{Scene, SceneError, View};
 
 /// Longest side of the small pictures in pixels.
 pub(super) const SIDE: u32 = 96;
@@ -44,8 +44,6 @@ pub(super) struct Verdict {
 pub(super) struct Small {
     pub camera: Camera,
     pub picture: Vec<f32>,
-    /// For each pixel, how much of it shows what the splat shows, 0 to 1; `None` if the photo does not tell.
-    pub outline: Option<Vec<f32>>,
 }
 
 /// `None` if there are no views.
@@ -90,41 +88,10 @@ pub(super) fn small_views(scene: &Scene, views: &[View], side: u32, most: usize)
         let camera = resized(&view.camera, side.min(view.camera.intrinsics.width.max(view.camera.intrinsics.height)));
         let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         let small: Rgb32FImage = resize(&photo.rgb, width, height, FilterType::Triangle).convert();
-        let outline = outline(scene, &photo).map(|outline| {
-            let small = resize(&outline, width, height, FilterType::Triangle);
-            small.as_raw().iter().map(|value| f32::from(*value) / 255.0).collect()
-        });
-        Ok(Small { camera, picture: small.into_raw(), outline })
+        Ok(Small { camera, picture: small.into_raw() })
     };
     let chosen: Vec<&View> = views.iter().step_by(step.max(1)).collect();
     chosen.into_par_iter().map(small).collect()
-}
-
-/// White on what the splat shows: the photo's foreground if the splat is of that alone, or else what is not white in a photo
-/// on white; `None` if the photo is neither.
-fn outline(scene: &Scene, photo: &Photo) -> Option<GrayImage> {
-    match (scene.object_source, photo.foreground_source) {
-        (ObjectSource::Box, _) => None,
-        (ObjectSource::Whole, ForegroundSource::Alpha | ForegroundSource::Mask) => Some(photo.foreground.clone()),
-        _ => on_white(&photo.rgb),
-    }
-}
-
-/// White on every pixel that is not, if nearly all pixels at the photo's border are white.
-fn on_white(photo: &RgbImage) -> Option<GrayImage> {
-    /// Compression changes white a little.
-    const WHITE: u8 = 248;
-    /// Share of the border's pixels.
-    const NEARLY_ALL: f64 = 0.95;
-    let (width, height) = photo.dimensions();
-    let is_white = |pixel: &Rgb<u8>| pixel.0.iter().all(|channel| *channel >= WHITE);
-    let at_border = |x: u32, y: u32| x == 0 || y == 0 || x + 1 == width || y + 1 == height;
-    let border: Vec<bool> =
-        photo.enumerate_pixels().filter(|(x, y, _)| at_border(*x, *y)).map(|(_, _, pixel)| is_white(pixel)).collect();
-    let white = border.iter().filter(|white| **white).count();
-    (white as f64 >= NEARLY_ALL * border.len() as f64).then(|| {
-        GrayImage::from_fn(width, height, |x, y| Luma([if is_white(photo.get_pixel(x, y)) { 0 } else { 255 }]))
-    })
 }
 
 /// The camera of a picture of the same view whose longer side has `longer` pixels.

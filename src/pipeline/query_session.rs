@@ -15,7 +15,7 @@ use crate::query::ask::asker::Asker;
 use crate::query::ask::budget::Budget;
 use crate::query::ask::cost::{Price, PriceTable, UsdPerMtok};
 use crate::query::ask::rounds::{Outcomes, Subject, Target};
-use crate::query::client::{self, ApiKey, Client};
+use crate::query::client::{self, ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Imported};
 use crate::query::question::About;
 use crate::query::recorded::{Answerer, Recordings};
@@ -116,7 +116,12 @@ impl<'a> QuerySession<'a> {
             price: price(options)?,
             own_recordings: home.join(RECORDINGS),
             recordings: Recordings::open(&read_from, write_to)?.with_spare(&spare)?,
-            client: Client::new(options, ApiKey::from_environment(options)?, network, progress.on_stderr())?,
+            client: Client::new(
+                options,
+                ApiKey::from_environment(options).map_err(ClientError::from)?,
+                network,
+                progress.on_stderr(),
+            )?,
             work,
             progress,
         })

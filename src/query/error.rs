@@ -50,7 +50,7 @@ pub enum QueryError {
     )]
     OverBudget { requests: usize, usd: f64, max_usd: f64, spent: Spent },
     #[error(
-        "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {} not asked; the answers so far are recorded. Raise \
+        "--max-usd {max_usd} is reached: {spent_usd:.4} USD spent, {} not answered; the answers so far are recorded. Raise \
          --max-usd to go on",
         output::counted(*.left, "question")
     )]

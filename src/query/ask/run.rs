@@ -349,7 +349,7 @@ impl Asking {
     fn take(&mut self, live: &Live, told: Told, keep: &mut dyn FnMut(usize, Outcome)) {
         match told.outcome {
             Ok(Some(outcome)) => {
-                self.answered += 1;
+                self.answered += usize::from(matches!(outcome, Outcome::Answered(_)));
                 keep(told.index, outcome);
             }
             Ok(None) => {}

@@ -2,6 +2,9 @@
 
 use std::path::PathBuf;
 
+use super::fields::FieldsProblem;
+use super::key::KeyError;
+
 /// A client that cannot be set up.
 #[derive(Debug, thiserror::Error)]
 pub enum ClientError {
@@ -17,23 +20,10 @@ pub enum ClientError {
     NoModel,
     #[error("the Batch API needs --lmm-url and --lmm-model")]
     NoUrl,
-    #[error("the key in {variable} contains characters that no key has")]
-    Key { variable: String },
+    #[error(transparent)]
+    Key(#[from] KeyError),
     #[error("--lmm-body {path:?}: {problem}")]
     Fields { path: PathBuf, problem: FieldsProblem },
     #[error("cannot set up the HTTP client: {0}")]
     Http(String),
-}
-
-/// Why a file of fields cannot be used.
-#[derive(Debug, thiserror::Error)]
-pub enum FieldsProblem {
-    #[error("it cannot be read: {0}")]
-    Unreadable(#[from] std::io::Error),
-    #[error("it is not a JSON object, such as {{\"think\": false}}: {0}")]
-    NoObject(#[from] serde_json::Error),
-    #[error("{name:?} is set by gprop itself; leave it out: {instead}")]
-    OfGprop { name: &'static str, instead: &'static str },
-    #[error("it contains the server's key, which is sent in a header of its own; leave it out")]
-    Key,
 }

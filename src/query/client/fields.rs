@@ -8,7 +8,6 @@ use std::path::Path;
 
 use serde_json::{Map, Value};
 
-use super::error::FieldsProblem;
 use super::key::ApiKey;
 use crate::files;
 use crate::query::recorded::sha256::Sha256Hex;
@@ -32,6 +31,19 @@ const OF_GPROP: [(&str, &str); 11] = [
     ("stream_options", "gprop reads whole responses"),
     ("n", "one answer to each question is enough"),
 ];
+
+/// Why a file of fields cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum FieldsProblem {
+    #[error("it cannot be read: {0}")]
+    Unreadable(#[from] std::io::Error),
+    #[error("it is not a JSON object, such as {{\"think\": false}}: {0}")]
+    NoObject(#[from] serde_json::Error),
+    #[error("{name:?} is set by gprop itself; leave it out: {instead}")]
+    OfGprop { name: &'static str, instead: &'static str },
+    #[error("it contains the server's key, which is sent in a header of its own; leave it out")]
+    Key,
+}
 
 impl Fields {
     /// The fields in a JSON file.

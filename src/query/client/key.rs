@@ -5,9 +5,15 @@ use std::fmt;
 
 use reqwest::header::{AUTHORIZATION, HeaderMap, HeaderName, HeaderValue};
 
-use super::error::ClientError;
 use super::secret;
 use crate::query::options::Options;
+
+/// A key that cannot be sent.
+#[derive(Debug, thiserror::Error)]
+#[error("the key in {variable} contains characters that no key has")]
+pub struct KeyError {
+    variable: String,
+}
 
 /// An API key that cannot be printed.
 #[derive(Clone)]
@@ -22,9 +28,9 @@ impl ApiKey {
     ///
     /// # Errors
     /// If it holds no key.
-    pub fn from_environment(options: &Options) -> Result<Option<Self>, ClientError> {
+    pub fn from_environment(options: &Options) -> Result<Option<Self>, KeyError> {
         let variable = options.key_variable();
-        let no_key = || ClientError::Key { variable: shown(variable) };
+        let no_key = || KeyError { variable: shown(variable) };
         let secret = match std::env::var(variable) {
             Ok(secret) => secret.trim().to_owned(),
             Err(VarError::NotPresent) => String::new(),

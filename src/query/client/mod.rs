@@ -104,7 +104,7 @@ impl Client {
         let Some(base) = &options.lmm_url else { return Ok(None) };
         let model = options.lmm_model.clone().ok_or(ClientError::NoModel)?;
         let address = Address::parse(base)?;
-        let Trust { config, unread } = Trust::new().map_err(ClientError::Http)?;
+        let Trust { config, unread } = Trust::new()?;
         let http = reqwest::Client::builder().tls_backend_preconfigured(config);
         let http = if proxy::is_this_machine(address.url()) { http.no_proxy() } else { http };
         let http = http

@@ -14,6 +14,8 @@ use rustls::{
     CertificateError, ClientConfig, DigitallySignedStruct, Error, OtherError, RootCertStore, SignatureScheme, crypto,
 };
 
+use super::error::ClientError;
+
 /// The TLS settings of a client.
 pub struct Trust {
     pub config: ClientConfig,
@@ -26,16 +28,16 @@ impl Trust {
     ///
     /// # Errors
     /// If TLS cannot be set up at all.
-    pub fn new() -> Result<Self, String> {
+    pub fn new() -> Result<Self, ClientError> {
         let found = rustls_native_certs::load_native_certs();
         let mut roots = RootCertStore { roots: webpki_roots::TLS_SERVER_ROOTS.to_vec() };
         roots.add_parsable_certificates(found.certs.iter().cloned());
         let provider = Arc::new(crypto::ring::default_provider());
         let chains = WebPkiServerVerifier::builder_with_provider(Arc::new(roots), Arc::clone(&provider));
-        let chains = chains.build().map_err(|error| error.to_string())?;
+        let chains = chains.build().map_err(|error| ClientError::Http(error.to_string()))?;
         let verifier = Verifier { chains, roots_of_machine: found.certs };
         let config = ClientConfig::builder_with_provider(provider).with_safe_default_protocol_versions();
-        let config = config.map_err(|error| error.to_string())?.dangerous();
+        let config = config.map_err(|error| ClientError::Http(error.to_string()))?.dangerous();
         let mut config = config.with_custom_certificate_verifier(Arc::new(verifier)).with_no_client_auth();
         config.alpn_protocols = vec![b"http/1.1".to_vec()];
         Ok(Self { config, unread: found.errors.iter().map(ToString::to_string).collect() })

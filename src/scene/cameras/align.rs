@@ -297,13 +297,6 @@ fn numbers_of(similarity: &Similarity3<f64>) -> [f64; 8] {
     [similarity.scaling(), rotation.w, rotation.i, rotation.j, rotation.k, x, y, z]
 }
 
-/// The same similarity, rounded to few enough digits to be typed: it moves nothing by more than a millionth of its size.
-pub(crate) fn rounded(similarity: &Similarity3<f64>) -> Similarity3<f64> {
-    const DIGITS: usize = 7;
-    let short = numbers_of(similarity).map(|value| format!("{value:.DIGITS$e}").parse().unwrap_or(value));
-    from_numbers(short).unwrap_or(*similarity)
-}
-
 fn similarity(text: &str) -> Option<Similarity3<f64>> {
     let numbers: Vec<f64> = text.split(',').map(|number| number.trim().parse().ok()).collect::<Option<_>>()?;
     from_numbers(numbers.try_into().ok()?)
