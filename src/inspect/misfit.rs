@@ -22,7 +22,7 @@ const SIDE: u32 = 192;
 const LEAST_IOU: f64 = 0.5;
 
 /// A warning if the photos show another object than the splat, or the same one from other sides. Photos with a mask or
-/// alpha are judged by the object's outline first, and all by their correlation with the splat.
+/// alpha are judged by the object's outline, others by their correlation with the splat.
 ///
 /// # Errors
 /// If a photo or a mask cannot be read.
@@ -35,7 +35,8 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
         Some(iou) if iou < LEAST_IOU => {
             format!("the object's outlines in the photos and in the splat overlap by only {:.0} % (IoU)", 100.0 * iou)
         }
-        _ => match verdict::of(scene, &few, &[])? {
+        Some(_) => return Ok(None),
+        None => match verdict::of(scene, &few, &[])? {
             Some(verdict) if verdict.correlation < LEAST_CORRELATION => {
                 format!("photos and splat differ: their correlation is only {:.2}", verdict.correlation)
             }
@@ -47,7 +48,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
     };
     Ok(Some(format!(
         "{problem}: either they show different objects, or cameras and splat do not share a coordinate frame. In \
-         both cases all results are meaningless; see `gprop inspect`, which searches for the --align that mends it"
+         both cases all results are meaningless; see `gprop inspect`, which tries what could mend it"
     )))
 }
 

@@ -69,13 +69,27 @@ fn a_grasp_has_as_many_places_as_gprop_reports() {
     let run = |more: &[&str]| {
         let mut command = gprop();
         command.env_remove("OPENAI_API_KEY").arg("run").arg(balls.scene(0)).arg("--out").arg(out.path());
-        command.args(["-q", "--frames", "2", "--duration", "0.01", "--grid", "8", "--size", "320x180"]);
+        // At a third of its size, the ball fits between the fingers.
+        command.args([
+            "-q",
+            "--frames",
+            "2",
+            "--duration",
+            "0.01",
+            "--grid",
+            "8",
+            "--size",
+            "320x180",
+            "--scale",
+            "0.3",
+        ]);
         command.args(more).args(balls.answers()).output().unwrap()
     };
     let done = run(&[]);
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let mut grasp: Value = serde_json::from_slice(&fs::read(out.path().join("grasp.json")).unwrap()).unwrap();
     let places = grasp["candidates"].as_array_mut().expect("the ball can be grasped");
+    assert!(!places.is_empty(), "{:?}", String::from_utf8_lossy(&done.stderr));
     let first = places[0].clone();
     places.resize(20_000, first);
     forge(out.path(), "grasp.json", grasp.to_string().as_bytes());

@@ -200,8 +200,12 @@ fn photos_are_named_within_the_scene_and_views_are_no_paths() {
 #[test]
 fn names_that_no_file_can_have_lead_nowhere() {
     // A zero byte, which ends a path in C; a Windows drive and a Windows share; another machine's folder.
-    let names =
-        ["images/000.png\0", "C:\\shots\\000.bmp", "\\\\host\\share\\000.bmp", "/shots/of/another/machine/000.bmp"];
+    let names = [
+        "images/nowhere.png\0",
+        "C:\\shots\\nowhere.bmp",
+        "\\\\host\\share\\nowhere.bmp",
+        "/shots/of/another/machine/nowhere.bmp",
+    ];
     for name in names {
         let (balls, bystander, out) = (Balls::new(1), Bystander::new(), tempfile::tempdir().unwrap());
         let path = balls.scene(0).join("transforms.json");
