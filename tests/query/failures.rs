@@ -44,7 +44,7 @@ fn cases() -> Vec<Case> {
         case("a failing server", soon(500), 6, "500: later"),
         case("an overloaded server", soon(503), 6, "503: later"),
         case("a server that asks to wait", soon(429), 6, "429: later"),
-        case("a quota per day", Response::new(429).json(per_day), 1, "quota"),
+        case("a quota per day", Response::new(429).json(per_day), 1, "You exceeded your current quota"),
         case("a page", Response::new(200).text("<html>sign in</html>"), 6, "not a chat completion"),
         case("a stream", Response::new(200).text(format!("data: {chunk}\n\ndata: [DONE]\n\n")), 5, "I would rather"),
         case("a request in no form accepted", error(400, "this model takes no pictures"), 6, "takes no pictures"),

@@ -314,11 +314,8 @@ fn a_run_without_one_answer_exits_5_and_the_next_asks_again() {
     for round in 1..=2 {
         let output = query(scene.path(), Some(&server), ONE_VIEW).output().unwrap();
         assert_eq!(output.status.code(), Some(5), "{}", said(&output));
-        let answers = fs::read_to_string(scene.path().join("gprop/answers.jsonl")).unwrap();
-        let segments = answers.lines().count();
-        assert!(said(&output).contains(&format!("none of the {segments} questions")), "{}", said(&output));
-        assert!(answers.lines().all(|line| line.contains("\"failure\":\"invalid\"")), "{answers}");
-        assert_eq!(server.requests().len(), round * 2 * segments, "each segment is asked twice a run");
+        assert!(said(&output).contains("I would rather not say."), "{}", said(&output));
+        assert_eq!(server.requests().len(), round * 5, "five useless replies end a run");
     }
     assert_eq!(recorded(scene.path()), 0);
 }

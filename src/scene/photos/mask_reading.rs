@@ -104,7 +104,7 @@ pub(in crate::scene) fn decide(
     Ok(told)
 }
 
-/// How the mask of a photo without a camera is read.
+/// How the mask of a photo without a camera is read: as usual, since one picture cannot tell white from black.
 pub(super) fn alone(photo: &Path, mask: &Path, size: (u32, u32)) -> Result<Mask, SceneError> {
     let lying = Lying::of(header(photo)?.orientation(), Upright::Turned, mask, size)?;
     if lying.fits == Fits::Both {
@@ -113,7 +113,7 @@ pub(super) fn alone(photo: &Path, mask: &Path, size: (u32, u32)) -> Result<Mask,
         );
     }
     let small = reduced(&Stored::read(mask, Upright::Turned, ALONE_LIMIT)?, size);
-    let color = reading(&[Sample { view: 0, lying, small, splat: None }]).color;
+    let color = usual(&[Sample { view: 0, lying, small, splat: None }]);
     Ok(Mask { color, orientation: lying.by_shape(), ..Mask::new(mask.to_owned()) })
 }
 
