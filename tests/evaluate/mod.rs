@@ -89,6 +89,7 @@ fn hammer_with_field() -> (PathBuf, TempDir) {
     let truth::Known { scene, field, .. } = truth::known(&folder);
     let mut field = field.clone();
     let shore = |scale, low, high| Some(ShoreHardness { scale, range: Range::new(low, high) });
+    field.labels.iter_mut().for_each(|label| label.id += 1);
     field.labels[1].hardness = shore(ShoreScale::D, 60.0, 80.0);
     field.labels[2].hardness = shore(ShoreScale::A, 50.0, 70.0);
     let work = TempDir::new().unwrap();

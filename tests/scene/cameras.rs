@@ -227,7 +227,7 @@ fn a_3dgs_output_folder() {
     let cfg_args = format!("Namespace(sh_degree=3, source_path={:?}, images='photos')", data.path().to_str().unwrap());
     std::fs::write(made_up.path("cfg_args"), cfg_args).unwrap();
     let photos = data.path().join("photos");
-    let words = ["which `", "cfg_args` names", "outside the scene folder", &format!("--images `{}`", photos.display())];
+    let words = ["which `", "cfg_args` names", "outside the scene folder", &format!("`--images {}`", photos.display())];
     assert_message(made_up.load_as_is(&Options::default()), &words);
     let named = Options { images: Some(photos.clone()), ..Options::default() };
     let allowed = Options { allow_read: vec![data.path().to_owned()], ..Options::default() };
@@ -237,7 +237,7 @@ fn a_3dgs_output_folder() {
     // The cameras stayed there too.
     std::fs::rename(made_up.path("cameras.json"), data.path().join("cameras.json")).unwrap();
     let cameras = data.path().join("cameras.json");
-    let words = ["camera file `", "cfg_args` names", &format!("--cameras `{}`", cameras.display())];
+    let words = ["camera file `", "cfg_args` names", &format!("`--cameras {}`", cameras.display())];
     assert_message(made_up.load_as_is(&Options::default()), &words);
     let named = Options { cameras: Some(cameras), images: Some(photos), ..Options::default() };
     assert_same_cameras(
