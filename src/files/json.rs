@@ -138,7 +138,7 @@ mod tests {
             ("[1, -Infinity]", "line 1 column 6: -Infinity is not JSON"),
             ("{\"a\": nan}", "line 1 column 7: nan is not JSON"),
             ("{\n  // left\n \"a\": 1}", "line 2 column 3: a comment begins here (`//`)"),
-            ("{\"a\": \"// no \\\" comment\" /* but this */}", "column 27: a comment begins here (`/*`)"),
+            ("{\"a\": \"// no \\\" comment\" /* but this */}", "column 26: a comment begins here (`/*`)"),
             ("# made by hand\n[]", "line 1 column 1: a comment begins here (`#`)"),
             ("[1e-3, None]", "column 8: `None` is not JSON; it may be Python's"),
             ("{a: 1}", "`a` is not JSON; it may be a name without quotes"),

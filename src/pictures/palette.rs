@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn parts_and_materials_are_told_apart_by_colour() {
-        let parts: Vec<_> = (0..40).map(part).collect();
+        let parts: Vec<_> = (1..=40).map(part).collect();
         let materials: Vec<_> = (0..40).map(material).collect();
         for eye in &EYES {
             let seen = |colors: &[[f32; 3]]| colors.iter().map(|c| oklab(*c, eye)).collect::<Vec<_>>();
@@ -169,7 +169,8 @@ mod tests {
     #[test]
     fn later_colours_differ_from_their_neighbours() {
         for color in [part as fn(u32) -> [f32; 3], material] {
-            for n in 0..60 {
+            // Part ids begin with 1.
+            for n in 1..60 {
                 let apart = (oklab(color(n), &EYES[0]) - oklab(color(n + 1), &EYES[0])).norm();
                 assert!(apart > 0.05, "{n} and {}: {apart}", n + 1);
             }

@@ -180,9 +180,9 @@ mod tests {
             lines,
             [
                 "caption,mass_kg_low,mass_kg_mid,mass_kg_high",
-                "'=1+1,0.1,0.2,0.3",
+                "\"'=1+1\",0.1,0.2,0.3",
                 "\"a \"\"b\"\", c\",0.1,0.2,0.3",
-                "lid,,,"
+                "\"lid\",,,"
             ]
         );
     }
