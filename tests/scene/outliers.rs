@@ -200,34 +200,23 @@ fn unusual_sizes_get_a_warning_that_names_them() {
     assert_eq!(load("bbox:x=0.3").warnings, Vec::<String>::new());
 }
 
-/// Ten times the Gaussians of a splat that was made to take long take at most twelve times as long: half of them reach as far
-/// as f32 goes, half of their ends see all centres at one distance. Times vary on a busy machine, so the least of a few counts.
+/// Half of 40,000 Gaussians are huge: a quarter reaches as far as f32 goes, from where all centres look equally far, and the ends of
+/// another quarter lie in the middle of a sphere of centres. Without bounds, the searches visit all centres, billions in all.
 #[test]
-fn the_time_for_huge_gaussians_grows_with_their_number() {
-    let hostile = |count: usize| {
-        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
-        let blob = |i: usize| {
-            let z = 1.0 - 2.0 * (i as f64 + 0.5) / count as f64;
-            let (sin, cos) = (golden * i as f64).sin_cos();
-            let ring = (1.0 - z * z).sqrt();
-            Blob::round([ring * cos, ring * sin, z].map(|v| v as f32), 0.02, 0.9)
-        };
-        let mut gaussians = cloud(&(0..count).map(blob).collect::<Vec<_>>());
-        for (i, scales) in gaussians.log_scales.iter_mut().enumerate().filter(|(i, _)| i % 2 == 0) {
-            *scales = [if i % 4 == 0 { 46.0 } else { (1.0_f32 / 5.0_f32.sqrt()).ln() }; 3];
-        }
-        gaussians
+fn huge_gaussians_from_whose_ends_all_centres_are_equally_far_are_set_aside_soon() {
+    const COUNT: usize = 40_000;
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    let blob = |i: usize| {
+        let z = 1.0 - 2.0 * (i as f64 + 0.5) / COUNT as f64;
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        let ring = (1.0 - z * z).sqrt();
+        Blob::round([ring * cos, ring * sin, z].map(|v| v as f32), 0.005, 0.9)
     };
-    let least_s = |count: usize, tries: usize| {
-        let mut gaussians = hostile(count);
-        let time = |_| {
-            let began = std::time::Instant::now();
-            let said = set_aside(&mut gaussians).unwrap().unwrap();
-            assert!(said.count >= count / 4, "{said}");
-            began.elapsed().as_secs_f64()
-        };
-        (0..tries).map(time).fold(f64::INFINITY, f64::min)
-    };
-    let ratios: Vec<f64> = (0..5).map(|_| least_s(40_000, 1) / least_s(4000, 3)).collect();
-    assert!(ratios.iter().any(|ratio| *ratio <= 12.0), "{ratios:?}");
+    let mut gaussians = cloud(&(0..COUNT).map(blob).collect::<Vec<_>>());
+    for (i, scales) in gaussians.log_scales.iter_mut().enumerate().filter(|(i, _)| i % 2 == 0) {
+        *scales = [if i % 4 == 0 { 46.0 } else { (1.0_f32 / 5.0_f32.sqrt()).ln() }; 3];
+    }
+    let said = set_aside(&mut gaussians).unwrap().unwrap();
+    assert!(said.count >= COUNT / 4, "{said}");
+    assert!((0..COUNT).step_by(4).all(|i| gaussians.is_set_aside(i)));
 }

@@ -218,7 +218,7 @@ impl Centers {
         let side = |axis: usize| positions.iter().map(move |position| f64::from(position[axis]));
         let low = std::array::from_fn(|axis| side(axis).fold(f64::INFINITY, f64::min)).into();
         let high = std::array::from_fn(|axis| side(axis).fold(f64::NEG_INFINITY, f64::max)).into();
-        let visits = (VISITS * gaussians.len() / (SEARCHES * suspects)).max(LEAST_VISITS);
+        let visits = visits(gaussians.len(), suspects);
         Self { places: Nearest::new(positions.iter().copied()), around: Core { low, high }, visits, first, positions }
     }
 
@@ -228,6 +228,11 @@ impl Centers {
         let others = found.filter(move |(_, place)| self.positions[*place as usize] != own);
         others.take(count).map(|(squared, place)| (squared, self.first[place as usize] as usize))
     }
+}
+
+/// How many visits each search may take among this many Gaussians with this many suspects.
+fn visits(gaussians: usize, suspects: usize) -> usize {
+    (VISITS * gaussians / (SEARCHES * suspects)).max(LEAST_VISITS)
 }
 
 /// The box around most of the centres.
@@ -278,5 +283,21 @@ impl fmt::Display for SetAside {
             center.z,
             reach / size,
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_searches_together_grow_with_the_number_of_gaussians() {
+        let most = |count: usize| {
+            let suspects = [1, count / 1000, count / 100, count / 10, count / 2, count];
+            suspects.map(|suspects| SEARCHES * suspects * visits(count, suspects)).into_iter().max().unwrap()
+        };
+        for count in [1000, 10_000, 100_000, 1_000_000] {
+            assert!(most(10 * count) <= 12 * most(count));
+        }
     }
 }
