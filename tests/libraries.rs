@@ -69,6 +69,7 @@ extern "C" fn run(a: *mut c_void, b: *const c_void, c: *const c_void, d: *const 
     REAL_RUN.get().unwrap()(a, b, c, d, e, f, g, h)
 }
 extern "C" fn get_api(version: u32) -> *const usize {
+    // SAFETY: the real library's table of functions is read, whose entry RUN has the type of REAL_RUN; it lives as long as the process.
     API.get_or_init(|| unsafe {
         let mut api: Api = *REAL.get().unwrap()(version).cast();
         REAL_RUN.get_or_init(|| std::mem::transmute(api[RUN]));
@@ -78,6 +79,7 @@ extern "C" fn get_api(version: u32) -> *const usize {
 }
 #[unsafe(no_mangle)] pub extern "C" fn OrtGetApiBase() -> *const Base {
     phone("asked");
+    // SAFETY: PHONE_ORT names ONNX Runtime, whose symbol has this type; the library is never closed.
     BASE.get_or_init(|| unsafe {
         let path = CString::new(std::env::var("PHONE_ORT").unwrap()).unwrap();
         let library = dlopen(path.as_ptr(), 2);
