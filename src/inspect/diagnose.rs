@@ -11,7 +11,7 @@
 use nalgebra::{Isometry3, Point3, Similarity3};
 use serde::Serialize;
 
-use super::verdict::{self, MOST_VIEWS, SIDE, Small, Verdict, correlation, picture, small_views};
+use super::verdict::{self, MOST_VIEWS, Small, Verdict, correlation, picture, small_views};
 use super::{ViewFit, compare};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
@@ -119,7 +119,7 @@ impl Trial<'_> {
             coarse: thinned(&self.scene.whole_cloud(), FIRST_GAUSSIANS),
             cloud: reduced(&self.scene.whole_cloud()),
             samples: samples(&self.scene.gaussians),
-            views: small_views(self.scene, &self.views, SIDE, MOST_VIEWS)?,
+            views: small_views(self.scene, &self.views)?,
             options: RenderOptions::default(),
         };
         let mut best = search.best(&at_own_scale());

@@ -13,7 +13,7 @@ use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
 
 /// Longest side of the small pictures in pixels.
-pub(super) const SIDE: u32 = 96;
+const SIDE: u32 = 96;
 
 /// Minimum correlation of a photo with the splat seen from its own camera for the two to line up. Trained splats reach
 /// 0.95 and more on their photos; the frames broken on purpose in `tests/inspect.rs` stay below 0.75.
@@ -51,7 +51,7 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     if views.is_empty() {
         return Ok(None);
     }
-    let small = small_views(scene, views, SIDE, MOST_VIEWS)?;
+    let small = small_views(scene, views)?;
     let cloud = scene.whole_cloud();
     let options = RenderOptions::default();
     let rendered: Vec<Vec<f32>> = small.iter().map(|view| picture(&cloud, &view.camera, &options)).collect();
@@ -80,12 +80,12 @@ pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Opti
     Ok(Some(Verdict { aligned, correlation: correlation_with_own }))
 }
 
-/// Up to `most` of the views, evenly spread, with photos reduced to `side` pixels along the longer side.
-pub(super) fn small_views(scene: &Scene, views: &[View], side: u32, most: usize) -> Result<Vec<Small>, SceneError> {
-    let step = views.len().div_ceil(most);
+/// Up to [`MOST_VIEWS`] of the views, evenly spread, with photos reduced to [`SIDE`] pixels along the longer side.
+pub(super) fn small_views(scene: &Scene, views: &[View]) -> Result<Vec<Small>, SceneError> {
+    let step = views.len().div_ceil(MOST_VIEWS);
     let small = |view: &View| {
         let photo = as_the_splat_shows(scene, view.photo()?);
-        let camera = resized(&view.camera, side.min(view.camera.intrinsics.width.max(view.camera.intrinsics.height)));
+        let camera = resized(&view.camera, SIDE.min(view.camera.intrinsics.width.max(view.camera.intrinsics.height)));
         let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         let small: Rgb32FImage = resize(&photo.rgb, width, height, FilterType::Triangle).convert();
         Ok(Small { camera, picture: small.into_raw() })

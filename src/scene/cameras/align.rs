@@ -184,7 +184,7 @@ impl Reading {
 }
 
 /// The same camera in the new world that `new_from_old` maps the old one to.
-pub(crate) fn moved(camera_from_world: &Isometry3<f64>, new_from_old: &Similarity3<f64>) -> Isometry3<f64> {
+pub(super) fn moved(camera_from_world: &Isometry3<f64>, new_from_old: &Similarity3<f64>) -> Isometry3<f64> {
     let world_from_camera = camera_from_world.inverse();
     let center = new_from_old * Point3::from(world_from_camera.translation.vector);
     let rotation = new_from_old.isometry.rotation * world_from_camera.rotation;
