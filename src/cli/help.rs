@@ -28,7 +28,7 @@ const OF_ONE_SCENE: &[&str] =
 const OF_A_FILM: &[&str] = &["turntable", "size", "fps"];
 
 /// Numerical settings that gprop chooses itself: only `--help-all` shows them.
-const FOR_EXPERTS: &[&str] = &["cfl", "fixed-step", "max-stiffness", "soften"];
+const FOR_EXPERTS: &[&str] = &["cfl", "fixed-step", "lmm-temperature", "lmm-wait-s", "max-stiffness", "soften"];
 
 /// The headings of the stages' options that are a command's own.
 fn own_headings(command: &str) -> &'static [&'static str] {

@@ -143,7 +143,7 @@ mod tests {
             ("[1e-3, None]", "column 8: `None` is not JSON; it may be Python's"),
             ("{a: 1}", "`a` is not JSON; it may be a name without quotes"),
             ("[1, 2 ,\n]", "line 1 column 7: JSON has no comma before a closing bracket"),
-            ("[1, 2", "EOF while parsing a list at line 1 column 6"),
+            ("[1, 2", "EOF while parsing a list at line 1 column 5"),
         ];
         for (text, words) in all {
             assert!(message(text).contains(words), "no {words:?} for {text:?}: {}", message(text));
