@@ -16,7 +16,7 @@ const MOST_BYTES: u64 = 1 << 30;
 #[derive(Debug, Error)]
 pub enum NpzError {
     #[error("it is not a NumPy archive ({0})")]
-    Archive(#[from] zip::result::ZipError),
+    Archive(Box<zip::result::ZipError>),
     #[error("its array `{name}` cannot be read as {kind} ({source})")]
     Array { name: String, kind: &'static str, source: NpyError },
     #[error("its array `{name}` cannot be unpacked ({source})")]
@@ -25,6 +25,12 @@ pub enum NpzError {
     Missing(String),
     #[error("its array `{name}` has more than {MOST_BYTES} bytes, the most that gprop reads")]
     TooLarge { name: String },
+}
+
+impl From<zip::result::ZipError> for NpzError {
+    fn from(error: zip::result::ZipError) -> Self {
+        Self::Archive(Box::new(error))
+    }
 }
 
 /// An archive in memory.

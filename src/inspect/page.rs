@@ -38,7 +38,7 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
         let shown = picture(&outlined(&photo.rgb, &photo.foreground));
         let photo = as_the_splat_shows(scene, photo);
         rows.push(context! {
-            name => fit.name,
+            name => &fit.name,
             psnr => format!("{:.2}", fit.psnr_db),
             iou => fit.mask_iou.map(|iou| format!("{iou:.3}")),
             photo => shown,

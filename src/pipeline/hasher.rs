@@ -6,7 +6,8 @@ use serde::Serialize;
 use sha2::{Digest, Sha256};
 
 use crate::scene::SceneError;
-use crate::workdir::{FORMAT_VERSION, hexadecimal, sha256_of_file};
+use crate::words::readable::hexadecimal;
+use crate::workdir::{FORMAT_VERSION, sha256_of_file};
 
 /// gprop's version with the format of its artifacts.
 pub fn version() -> String {

@@ -1,6 +1,6 @@
 //! The template engine of all pages: text from outside can neither end an element or a script nor hide how it reads.
 
-use minijinja::value::Kwargs;
+use minijinja::value::{Kwargs, Serde};
 use minijinja::{AutoEscape, Environment, Error, ErrorKind, Value, escape_formatter, filters};
 
 use super::output::harmless;
@@ -22,7 +22,7 @@ pub fn engine() -> Environment<'static> {
 fn data(value: &Value) -> Result<Value, Error> {
     let json = serde_json::to_value(value)
         .map_err(|error| Error::new(ErrorKind::InvalidOperation, "this is not JSON").with_source(error))?;
-    filters::tojson(&Value::from_serialize(shown(json)), None, Kwargs::from_iter::<[(&str, Value); 0]>([]))
+    filters::tojson(&Value::from(Serde(shown(json))), None, Kwargs::from_iter::<[(&str, Value); 0]>([]))
 }
 
 fn shown(json: serde_json::Value) -> serde_json::Value {

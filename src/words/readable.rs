@@ -105,6 +105,11 @@ fn grouped(text: &str) -> String {
     whole.parse().map_or_else(|_| text.to_owned(), |whole| format!("{sign}{}{fraction}", thousands(whole)))
 }
 
+/// Bytes in lower-case hexadecimal.
+pub fn hexadecimal(bytes: &[u8]) -> String {
+    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

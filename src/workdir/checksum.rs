@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use crate::files;
+use crate::words::readable::hexadecimal;
 
 /// Length and SHA-256 of a file.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -42,9 +43,9 @@ pub fn sha256_of_file(path: &Path) -> io::Result<[u8; 32]> {
 
 /// Length and SHA-256 of a file.
 fn digest_of_file(path: &Path) -> io::Result<(u64, [u8; 32])> {
-    let mut hasher = Sha256::new();
-    let bytes = io::copy(&mut files::open(path)?, &mut hasher)?;
-    Ok((bytes, hasher.finalize().into()))
+    let mut checksumming = Checksumming::new(io::sink());
+    let bytes = io::copy(&mut files::open(path)?, &mut checksumming)?;
+    Ok((bytes, checksumming.hasher.finalize().into()))
 }
 
 /// A writer that computes the checksum of everything written through it. Write large pieces.
@@ -76,9 +77,4 @@ impl<W: Write> Write for Checksumming<W> {
     fn flush(&mut self) -> io::Result<()> {
         self.out.flush()
     }
-}
-
-/// Bytes in lower-case hexadecimal.
-pub fn hexadecimal(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }

@@ -22,7 +22,7 @@ use tracing::warn;
 
 use crate::files;
 use crate::files::write::{Folder, TEMPORARY};
-pub use checksum::{Checksum, Checksumming, hexadecimal, sha256_of_file};
+pub use checksum::{Checksum, Checksumming, sha256_of_file};
 
 /// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again.
 pub const FORMAT_VERSION: u32 = 8;

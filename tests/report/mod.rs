@@ -99,7 +99,7 @@ fn json_file(path: impl AsRef<Path>) -> Value {
 fn violations(value: &Value) -> Vec<String> {
     let schema = json_file(Path::new(env!("CARGO_MANIFEST_DIR")).join("docs/report.schema.json"));
     let validator = jsonschema::validator_for(&schema).unwrap();
-    validator.iter_errors(value).map(|error| format!("{}: {error}", error.instance_path)).collect()
+    validator.iter_errors(value).map(|error| format!("{}: {error}", error.instance_path())).collect()
 }
 
 #[test]

@@ -16,8 +16,9 @@ use crate::report::{
     SheetPicture, StageTime, ViewPictures,
 };
 use crate::vote::MaterialField;
+use crate::words::readable::hexadecimal;
 use crate::words::shell;
-use crate::workdir::{Artifact, hexadecimal};
+use crate::workdir::Artifact;
 
 use super::asked::AskedAbout;
 use super::grasp::{self, Grasped};

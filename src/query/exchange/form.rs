@@ -2,6 +2,7 @@
 //! fields are those of the schema; choosing a material fills in what the library knows.
 
 use minijinja::context;
+use minijinja::value::Serde;
 use serde::Serialize;
 use serde_json::Value;
 
@@ -40,7 +41,15 @@ pub struct FormMaterial<'a> {
 pub fn page(queries: &[FormQuery], texts: &[FormText], materials: &[FormMaterial], fillings: &[&str]) -> String {
     let own = |text: &str| minijinja::Value::from_safe_string(text.to_owned());
     let (style, script) = (own(include_str!("form.css")), own(include_str!("form.js")));
+    let data = context! {
+        queries => Serde(queries),
+        texts => Serde(texts),
+        materials => Serde(materials),
+        fillings => Serde(fillings),
+        style,
+        script,
+    };
     html::engine()
-        .render_str(include_str!("form.html.j2"), context! { queries, texts, materials, fillings, style, script })
+        .render_str(include_str!("form.html.j2"), data)
         .expect("a test renders the page with every value that it names")
 }

@@ -101,7 +101,7 @@ impl Schema {
 
     /// Each violation of the schema, with its place in the object.
     fn problems(&self, object: &Value) -> Vec<String> {
-        let problem = |error: jsonschema::ValidationError| match error.instance_path.as_str() {
+        let problem = |error: jsonschema::ValidationError| match error.instance_path().as_str() {
             "" => format!("{error}"),
             path => format!("{}: {error}", path.trim_start_matches('/')),
         };

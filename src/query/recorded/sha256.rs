@@ -5,6 +5,8 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
+use crate::words::readable::hexadecimal;
+
 /// A SHA-256 in hexadecimal, 64 digits.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
@@ -13,7 +15,7 @@ pub struct Sha256Hex(String);
 impl Sha256Hex {
     /// Hash of some bytes.
     pub fn of(bytes: impl AsRef<[u8]>) -> Self {
-        Self(format!("{:x}", Sha256::digest(bytes)))
+        Self(hexadecimal(&Sha256::digest(bytes)))
     }
 
     /// Hash of several fields, each preceded by its length, so that no two lists of fields hash the same bytes.
@@ -23,7 +25,7 @@ impl Sha256Hex {
             hasher.update((field.len() as u64).to_le_bytes());
             hasher.update(field);
         }
-        Self(format!("{:x}", hasher.finalize()))
+        Self(hexadecimal(&hasher.finalize()))
     }
 
     /// Hash of decoded pixels: width and height as little-endian u32, then the samples row by row.
@@ -32,7 +34,7 @@ impl Sha256Hex {
         hasher.update(width.to_le_bytes());
         hasher.update(height.to_le_bytes());
         hasher.update(samples);
-        Self(format!("{:x}", hasher.finalize()))
+        Self(hexadecimal(&hasher.finalize()))
     }
 
     /// All 64 digits.

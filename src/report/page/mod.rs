@@ -12,6 +12,7 @@ use std::collections::BTreeMap;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD as BASE64;
+use minijinja::value::Serde;
 use minijinja::{Value, context};
 
 use crate::grasp::GraspReport;
@@ -46,11 +47,11 @@ const SCRIPTS: [&str; 5] = [
 /// The page of a report. `motion` is that of the cloud in the simulation.
 pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Cloud, motion: Option<&Motion>) -> String {
     let data = context! {
-        report,
+        report => Serde(report),
         counts => counts(report),
         scale => scale(report),
         tiles => tiles(report),
-        viewer => viewer::viewer(report, cloud, motion),
+        viewer => Serde(viewer::viewer(report, cloud, motion)),
         cloud => Value::from_safe_string(BASE64.encode(&cloud.gzip)),
         motion => motion.map(|motion| Value::from_safe_string(BASE64.encode(&motion.gzip))),
         cloud_note => cloud_note(cloud),
@@ -194,7 +195,7 @@ fn tile(name: &str, value: String, note: String) -> Value {
 }
 
 fn part_row(label: &FieldLabel, report: &Report) -> Value {
-    let times = |factor: f64| move |estimate: Estimate| Value::from_serialize(figures(estimate, factor));
+    let times = |factor: f64| move |estimate: Estimate| Value::from(Serde(figures(estimate, factor)));
     let part = report.parts.as_ref().and_then(|parts| parts.of_label(label.id));
     let part = part.as_ref();
     let measured =
@@ -223,7 +224,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
             measured(|part| part.volume_m3, &times(1e6)),
             measured(|part| part.thickness_m, &times(1e3)),
             times(1.0)(label.density_kg_m3),
-            measured(|part| part.mass_kg, &|kg| Value::from_serialize(readable::mass(kg))),
+            measured(|part| part.mass_kg, &|kg| Value::from(Serde(readable::mass(kg)))),
         ],
         properties => vec![
             interval(label.youngs_modulus_pa, 1e-9),

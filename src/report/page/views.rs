@@ -37,7 +37,7 @@ pub(super) fn disagreements(report: &Report, pictures: &Pictures, answers: &Answ
         context! {
             part => label_of(of.part, report).map_or_else(|| format!("{}, as a whole", of.part), title),
             materials => named.collect::<Vec<_>>().join("; "),
-            rows => about.map(|segment| context! { view => segment.view, ..row(segment, pictures) }).collect::<Vec<_>>(),
+            rows => about.map(|segment| context! { view => &segment.view, ..row(segment, pictures) }).collect::<Vec<_>>(),
         }
     };
     report.disagreements.iter().map(one).collect()

@@ -8,7 +8,7 @@ use sha2::{Digest, Sha256};
 
 use super::{EMBEDDING, Embedding, external};
 use crate::files::write;
-use crate::workdir::hexadecimal;
+use crate::words::readable::hexadecimal;
 
 /// A folder of embeddings from one encoder.
 pub struct Cache {
