@@ -15,6 +15,7 @@
 pub mod cameras;
 pub mod dataset;
 mod error;
+pub mod mesh;
 pub mod object;
 mod options;
 mod photos;
