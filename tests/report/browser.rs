@@ -60,7 +60,7 @@ fn a_click_on_the_object_reads_the_parts_number() {
     page.settle();
     let pressed = page.evaluate("document.querySelector('.list [aria-pressed=true]')?.dataset.parts ?? 'none'");
     let part: usize = pressed.as_str().unwrap().parse().unwrap_or_else(|_| panic!("no part is singled out"));
-    let density = |end: &str| report["labels"][part]["density_kg_m3"][end].as_f64().unwrap();
+    let density = |end: &str| report["labels"][part - 1]["density_kg_m3"][end].as_f64().unwrap();
     // Numbers have the digits that half their interval allows, which is at least 3.5 units of the last one.
     let rounding = 0.5 * (density("high") - density("low")) / 3.5;
     for place in ["#reading", "#details"] {

@@ -34,7 +34,7 @@
   const modes = [
     { name: "photo", note: "colours of the splat, without view-dependent shading" },
     { name: "material", color: (p) => materialColors[p], entries: () => unique(parts.map((part, p) => [part.material, materialColors[p], [p]])) },
-    { name: "part", color: (p) => partColors[p], entries: () => parts.map((part, p) => [`${p} ${part.name}`, partColors[p], [p]]) },
+    { name: "part", color: (p) => partColors[p], entries: () => parts.map((part, p) => [`${p + 1} ${part.name}`, partColors[p], [p]]) },
     ...properties.map((property) => {
       const { low, high, share } = scaleOf(property), { values, unit } = property;
       return {
@@ -60,7 +60,7 @@
   function colorList() {
     const { name, color } = mode();
     for (const button of document.querySelectorAll("button[data-parts]")) {
-      const [p] = idsOf(button);
+      const [p] = partsOf(button);
       button.querySelector(".swatch").style.background = css(color && name !== "confidence" ? color(p) : partColors[p]);
     }
   }
@@ -76,7 +76,7 @@
       item.append(text);
       return item;
     };
-    for (const [name, color, ids] of entries ? entries() : []) add(name, "item", css(color)).dataset.parts = ids.join(" ");
+    for (const [name, color, places] of entries ? entries() : []) add(name, "item", css(color)).dataset.parts = places.map((p) => p + 1).join(" ");
     if (range) {
       add(range[0], "soft");
       add("", "ramp").style.background = `linear-gradient(90deg, ${RAMP.map(css).join()})`;
@@ -89,16 +89,17 @@
 
   // --- Rows, legend and object highlight each other's parts.
   let pinned = null, pointed = null;
-  const idsOf = (element) => element?.dataset.parts.split(" ").map(Number) ?? null;
+  // Elements name parts by their numbers, from 1; all else is by place, from 0.
+  const partsOf = (element) => element?.dataset.parts.split(" ").map((id) => id - 1) ?? null;
   const same = (a, b) => String(a) === String(b);
   const lit = () => pointed ?? pinned;
   let recolor = () => {};
   function light() {
-    const ids = lit();
+    const shown = lit();
     for (const element of document.querySelectorAll("[data-parts]")) {
-      const own = idsOf(element);
-      element.classList.toggle("lit", !!ids && own.some((id) => ids.includes(id)));
-      if (element.matches("button")) element.setAttribute("aria-pressed", String(!!pinned && same(own, pinned)));
+      const listed = partsOf(element);
+      element.classList.toggle("lit", !!shown && listed.some((p) => shown.includes(p)));
+      if (element.matches("button")) element.setAttribute("aria-pressed", String(!!pinned && same(listed, pinned)));
     }
     recolor();
   }
@@ -107,9 +108,9 @@
     const { words } = mode();
     return `${parts[p].name}: ${parts[p].material}` + (words && (c !== undefined || mode().name !== "confidence") ? `, ${words(p, c)}` : "");
   };
-  const point = (ids) => { if (!same(pointed, ids)) { pointed = ids; light(); } };
-  const pin = (ids) => {
-    pinned = same(pinned, ids) ? null : ids;
+  const point = (places) => { if (!same(pointed, places)) { pointed = places; light(); } };
+  const pin = (places) => {
+    pinned = same(pinned, places) ? null : places;
     const only = pinned?.length === 1 ? pinned[0] : null;
     if (only !== null) say(words(only));
     showDetails(only);
@@ -119,11 +120,11 @@
     const rows = p === null ? [] : [["", parts[p].caption], ...properties.filter(({ values }) => values[p]).map(({ name, values }) => [name, values[p].text])];
     details.replaceChildren(...rows.flatMap(([name, text]) => ["dt", "dd"].map((tag, at) => Object.assign(document.createElement(tag), { textContent: at ? text : name }))));
   }
-  const linked = (event) => idsOf(event.target.closest?.("[data-parts]"));
+  const linked = (event) => partsOf(event.target.closest?.("[data-parts]"));
   for (const [kind, act] of [["mouseover", linked], ["focusin", linked], ["mouseout", () => null], ["focusout", () => null]])
     document.addEventListener(kind, (event) => { if (linked(event)) point(act(event)); });
   // A caption that unfolds highlights nothing.
-  document.addEventListener("click", (event) => { const ids = linked(event); if (ids && !event.target.closest("details.caption, a")) pin(ids); });
+  document.addEventListener("click", (event) => { const places = linked(event); if (places && !event.target.closest("details.caption, a")) pin(places); });
   document.addEventListener("keydown", (event) => { if (event.key === "Escape" && pinned) pin(pinned); });
 
   // --- Large pictures.
@@ -189,9 +190,9 @@
     // Moves a Gaussian from where it is at rest to where it is shown; false if it is not shown.
     let place = () => true;
     function each(put) {
-      const { color: colorOf } = mode(), ids = lit();
+      const { color: colorOf } = mode(), places = lit();
       for (let i = 0; i < cloud.count; i++) {
-        const p = splat.part(i), faded = ids && !ids.includes(p);
+        const p = splat.part(i), faded = places && !places.includes(p);
         const shown = colorOf ? colorOf(p, splat.confidence(i)) : splat.color(i);
         color.setRGB(shown[0] / 255, shown[1] / 255, shown[2] / 255);
         splat.center(i, center); splat.scales(i, scales); splat.turn(i, turn);
@@ -300,9 +301,9 @@
       if (!still) return;
       const i = under(event);
       if (i === null) { if (pinned) pin(pinned); return; }
-      const ids = [splat.part(i)];
-      if (!same(pinned, ids)) pin(ids);
-      say(words(ids[0], splat.confidence(i)));
+      const places = [splat.part(i)];
+      if (!same(pinned, places)) pin(places);
+      say(words(places[0], splat.confidence(i)));
     });
 
     // --- The simulation.
