@@ -56,12 +56,12 @@ fn gpt_4o() -> Option<Price> {
     PriceTable::builtin().price("gpt-4o").cloned()
 }
 
-/// Asks about the twenty-five segments of one view.
-fn ask_about_25(options: &Options) -> (Result<Run, QueryError>, Budget) {
+/// Asks about the segments of one view.
+fn ask_about(segments: u32, options: &Options) -> (Result<Run, QueryError>, Budget) {
     let (folder, prompts) = (tempfile::tempdir().unwrap(), Prompts::builtin());
     let client = connect(options, None).unwrap().unwrap();
     let budget = Budget::new(gpt_4o(), options.max_usd);
-    let queries = prepare(&[grid(25)], &prompts, options);
+    let queries = prepare(&[grid(segments)], &prompts, options);
     let result = queries.run(&recordings(folder.path()), Some(&client), &budget, Progress::Hidden);
     (result, budget)
 }
@@ -70,7 +70,7 @@ fn ask_about_25(options: &Options) -> (Result<Run, QueryError>, Budget) {
 fn a_server_that_always_fails_is_asked_a_handful_of_times_and_its_failure_is_told_once() {
     for Case { name, response, requests, says } in cases() {
         let server = Server::new(move |_, _, _| response.clone());
-        let (result, _) = ask_about_25(&Options { lmm_retries: 2, ..server.options() });
+        let (result, _) = ask_about(25, &Options { lmm_retries: 2, ..server.options() });
         let message = result.expect_err(name).to_string();
         assert_eq!(message.matches(says).count(), 1, "{name}: {message}");
         assert!(message.contains("25 questions are not answered"), "{name}: {message}");
@@ -84,7 +84,7 @@ fn what_may_have_been_billed_stays_within_max_usd_however_a_server_fails() {
     let limit = 2.5 * (1000.0 * 2.5e-6 + 2000.0 * 10e-6);
     for Case { name, response, .. } in cases() {
         let server = Server::new(move |_, _, _| response.clone());
-        let (result, budget) = ask_about_25(&Options { lmm_retries: 2, max_usd: Some(limit), ..server.options() });
+        let (result, budget) = ask_about(25, &Options { lmm_retries: 2, max_usd: Some(limit), ..server.options() });
         assert!(result.is_err(), "{name}");
         assert!(budget.spent().usd.unwrap() <= limit, "{name}: {:?}", budget.spent());
         assert_eq!(budget.sent(), server.requests().len(), "{name}: every request is in the books");
@@ -94,7 +94,7 @@ fn what_may_have_been_billed_stays_within_max_usd_however_a_server_fails() {
 #[test]
 fn the_error_shows_a_reply_and_says_what_was_tried() {
     let server = Server::new(|_, _, _| ok("I would rather not say."));
-    let (result, _) = ask_about_25(&server.options());
+    let (result, _) = ask_about(25, &server.options());
     let Err(QueryError::InVain(in_vain)) = result else { panic!("{result:?}") };
     let InVain { requests: 5, last: Failure::Invalid { .. }, reply: Some(reply), tried, left: 25, spent } = *in_vain
     else {
@@ -112,9 +112,22 @@ fn a_failure_now_and_then_stops_nothing() {
         2 => error(413, "Request Entity Too Large"),
         _ => ok(&good_answer(a("wood")).to_string()),
     });
-    let (result, _) = ask_about_25(&server.options());
+    let (result, _) = ask_about(25, &server.options());
     let failed = result.unwrap().answers.failed().count();
     assert_eq!((failed, server.requests().len()), (8, 25));
+}
+
+#[test]
+fn a_round_of_which_every_question_fails_alike_ends_the_run_unless_the_model_refused_them() {
+    let server = Server::new(|_, _, _| error(413, "Request Entity Too Large"));
+    let (result, _) = ask_about(2, &server.options());
+    let Err(QueryError::InVain(in_vain)) = result else { panic!("{result:?}") };
+    assert_eq!((in_vain.requests, in_vain.left), (2, 2));
+
+    let refusal = of_choice("stop", json!({ "content": null, "refusal": "No." }));
+    let server = Server::new(move |_, _, _| refusal.clone());
+    let (result, _) = ask_about(2, &server.options());
+    assert_eq!(result.unwrap().answers.failed().count(), 2);
 }
 
 #[test]
@@ -124,7 +137,7 @@ fn one_question_is_asked_at_a_time_until_a_reply_is_usable() {
         Some(_) => error(400, "response_format is not supported"),
         None => ok(&good_answer(a("wood")).to_string()),
     });
-    let (result, _) = ask_about_25(&Options { lmm_parallel: 8, ..server.options() });
+    let (result, _) = ask_about(25, &Options { lmm_parallel: 8, ..server.options() });
     assert!(result.unwrap().answers.segments.iter().all(|segment| matches!(segment.outcome, Outcome::Answered(_))));
     assert_eq!(server.requests().len(), 2 + 25);
 }

@@ -47,15 +47,15 @@ fn photos() {
         let scene = made_up();
         let (_outside, target) = moved_out(&scene, name);
         let target = if name == "images" { target.join("000.png") } else { target };
-        let flag = format!("--images `{}`", scene.path("").display());
+        let flag = format!("--images {}", scene.path("").display());
         let named = Options { images: Some(scene.path("")), ..Options::default() };
-        assert_outside(&scene, &target, &["photo `", "transforms.json` names", flag.trim_end_matches("/`")], &[named]);
+        assert_outside(&scene, &target, &["photo `", "transforms.json` names", flag.trim_end_matches('/')], &[named]);
     }
     // COLMAP names photos by their folder.
     let scene = made_up();
     as_colmap(&scene);
     let (_outside, target) = moved_out(&scene, "images/002.png");
-    let flag = format!("--images `{}`", scene.path("images").display());
+    let flag = format!("--images {}", scene.path("images").display());
     let named = Options { images: Some(scene.path("images")), ..Options::default() };
     assert_outside(&scene, &target, &["photo `", "sparse/0` names", &flag], &[named]);
 }
@@ -73,7 +73,7 @@ fn a_colmap_model_finds_no_photos_in_the_folder_above_the_scene() {
     let images = home.path().join("images");
     assert_message(
         load(&Options::default()),
-        &["outside the scene folder", &format!("--images `{}`", images.display())],
+        &["outside the scene folder", &format!("--images {}", images.display())],
     );
     assert_eq!(load(&Options { images: Some(images), ..Options::default() }).unwrap().views.len(), 4);
 }
@@ -86,7 +86,7 @@ fn masks() {
         GrayImage::from_pixel(8, 6, image::Luma([255])).save(scene.path("masks").join(format!("{view}.png"))).unwrap();
     }
     let (_outside, target) = moved_out(&scene, "masks");
-    let flag = format!("--masks `{}`", scene.path("masks").display());
+    let flag = format!("--masks {}", scene.path("masks").display());
     let named = Options { masks: Some(scene.path("masks")), ..Options::default() };
     assert_outside(&scene, &target.join("000.png"), &["mask `", &flag], &[named]);
 
@@ -100,7 +100,7 @@ fn masks() {
         scene.transforms["frames"][0]["mask_path"] = json!(name);
         let named = Options { masks: Some(outside.path().to_owned()), ..Options::default() };
         assert!(scene.load_with(&named).unwrap().views[0].mask.is_some());
-        assert_outside(&scene, &mask, &["mask `", "transforms.json` names", "--masks `"], &[]);
+        assert_outside(&scene, &mask, &["mask `", "transforms.json` names", "--masks "], &[]);
     }
 }
 
@@ -109,18 +109,18 @@ fn splats_and_cameras() {
     let scene = made_up();
     let (_outside, target) = moved_out(&scene, "point_cloud.ply");
     let named = Options { splat: Some(scene.path("point_cloud.ply")), ..Options::default() };
-    assert_outside(&scene, &target, &["splat `", "--splat `"], &[named]);
+    assert_outside(&scene, &target, &["splat `", "--splat "], &[named]);
 
     let scene = made_up();
     let (_outside, target) = moved_out(&scene, "transforms.json");
     let named = Options { cameras: Some(scene.path("transforms.json")), ..Options::default() };
-    assert_outside(&scene, &target, &["camera file `", "--cameras `"], &[named]);
+    assert_outside(&scene, &target, &["camera file `", "--cameras "], &[named]);
 
     for name in ["sparse/0/images.bin", "sparse/0", "sparse"] {
         let scene = made_up();
         as_colmap(&scene);
         let (_outside, target) = moved_out(&scene, name);
-        let flag = format!("--cameras `{}`", scene.path("sparse/0").display());
+        let flag = format!("--cameras {}", scene.path("sparse/0").display());
         let named = Options { cameras: Some(scene.path("sparse/0")), ..Options::default() };
         assert_outside(&scene, &target, &["camera file `", &flag], &[named]);
     }

@@ -36,8 +36,10 @@ fn run_to(stage: &str, command: &str, folder: &Path, replaced: &[(&str, PathBuf)
     let words: Vec<String> = words.collect();
     let is_run = words[0] == "run";
     let last_stage = if is_run { &["--to", stage][..] } else { &[] };
+    // The photos do not show the made-up scene's one Gaussian, and `inspect` says so.
+    let status = if words[0] == "inspect" { 3 } else { 0 };
     let ran = Command::new(env!("CARGO_BIN_EXE_gprop")).args(words).args(last_stage).output().unwrap();
-    assert!(ran.status.success(), "{command}: {}", String::from_utf8_lossy(&ran.stderr));
+    assert_eq!(ran.status.code(), Some(status), "{command}: {}", String::from_utf8_lossy(&ran.stderr));
     if !is_run {
         return Value::Null;
     }

@@ -21,7 +21,7 @@ use crate::query::question::Question;
 use crate::query::question::segment_query::SegmentQuery;
 use crate::query::recorded::sha256::Sha256Hex;
 use crate::query::recorded::{Answerer, Asked, Miss, Recordings};
-use crate::query::{Answers, Match, Outcome, SegmentAnswer};
+use crate::query::{Answers, Failure, Match, Outcome, SegmentAnswer};
 use crate::words::progress::Progress;
 
 /// The estimate before anything is sent.
@@ -340,6 +340,7 @@ fn check_ready(asker: &dyn Asker, segments: usize) -> Result<(), QueryError> {
 #[derive(Default)]
 struct Asking {
     answered: usize,
+    failures: Vec<Failure>,
     stop: Option<Stop>,
 }
 
@@ -349,7 +350,10 @@ impl Asking {
     fn take(&mut self, live: &Live, told: Told, keep: &mut dyn FnMut(usize, Outcome)) {
         match told.outcome {
             Ok(Some(outcome)) => {
-                self.answered += usize::from(matches!(outcome, Outcome::Answered(_)));
+                match &outcome {
+                    Outcome::Answered(_) => self.answered += 1,
+                    Outcome::Failed(failure) => self.failures.push(failure.clone()),
+                }
                 keep(told.index, outcome);
             }
             Ok(None) => {}
@@ -360,6 +364,18 @@ impl Asking {
                 }
             }
         }
+    }
+
+    /// The reason to stop: one that was found on the way, or that all of several questions failed alike. Those that follow
+    /// would fail too. Refusals are about what a picture shows, and tell nothing about the next.
+    fn reason_to_stop(self) -> Option<Stop> {
+        let failed_alike = || {
+            let (first, others) = self.failures.split_first()?;
+            let is_refused = matches!(first, Failure::Refused { .. });
+            let are_all = self.answered == 0 && !others.is_empty() && others.iter().all(|other| other == first);
+            (are_all && !is_refused).then(|| Stop::InVain { last: first.clone(), reply: None })
+        };
+        self.stop.or_else(failed_alike)
     }
 }
 
@@ -390,10 +406,8 @@ fn ask_all(live: &Live, open: &[Open], keep: &mut dyn FnMut(usize, Outcome)) -> 
         rest = others;
     }
     ask_in_parallel(live, rest, &mut asking, keep);
-    match asking.stop {
-        None => Ok(()),
-        Some(stop) => Err(live.error(stop, open.len() - asking.answered)),
-    }
+    let left = open.len() - asking.answered;
+    asking.reason_to_stop().map_or(Ok(()), |stop| Err(live.error(stop, left)))
 }
 
 /// Asks with as many threads as the asker allows.

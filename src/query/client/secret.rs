@@ -8,8 +8,9 @@ const CUT: &str = "[key]";
 /// Shorter texts are placeholders.
 const SHORTEST: usize = 8;
 
-/// Texts that consist of letters and are shorter than this are placeholders: keys have digits.
-const SHORTEST_OF_LETTERS: usize = 16;
+/// Texts that consist of letters or of digits alone and are shorter than this are placeholders, and may be words or numbers of
+/// any answer: keys have both.
+const SHORTEST_OF_A_KIND: usize = 16;
 
 /// A part of a key that has this many characters is cut. No word in an answer is likely to contain as many of them.
 const PART: usize = 10;
@@ -39,8 +40,9 @@ pub fn cut_whole(secret: &str, text: &str) -> String {
 impl Pattern {
     /// The pattern of a secret or of parts of it that have `least` characters.
     fn of(secret: &str, least: usize) -> Self {
-        let has_letters_only = secret.chars().all(|c| c.is_ascii_alphabetic());
-        let is_word = secret.len() < if has_letters_only { SHORTEST_OF_LETTERS } else { SHORTEST };
+        let is_of_a_kind =
+            secret.chars().all(|c| c.is_ascii_alphabetic()) || secret.chars().all(|c| c.is_ascii_digit());
+        let is_word = secret.len() < if is_of_a_kind { SHORTEST_OF_A_KIND } else { SHORTEST };
         let text = if is_word { format!("bearer {secret}") } else { secret.to_owned() };
         let mut secret = Vec::new();
         let mut at = 0;
@@ -158,8 +160,8 @@ mod tests {
 
     #[test]
     fn a_placeholder_is_cut_after_the_word_bearer_only() {
-        for key in ["a", "none", "sk-1", "anything", "material"] {
-            let text = format!("{{\"{key}\": \"{key}\"}} bearers, a Bearer {key}ly");
+        for key in ["a", "none", "sk-1", "anything", "material", "12345678", "123456789012345"] {
+            let text = format!("{{\"{key}\": \"{key}\", \"density\": 0.{key}}} bearers, a Bearer {key}ly");
             assert_eq!(cut(key, &text), text);
             assert_eq!(cut(key, &format!("not Bearer {key}, and not BEARER {key}")), "not [key], and not [key]");
         }
