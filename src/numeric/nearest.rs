@@ -45,7 +45,7 @@ impl Nearest {
     /// How far a point lies outside of the box around all points, along each axis.
     fn offsets(&self, to: [f32; 3]) -> [f32; 3] {
         let [low, high] = self.bounds;
-        std::array::from_fn(|axis| to[axis] - to[axis].clamp(low[axis], high[axis]))
+        std::array::from_fn(|axis| to[axis] - to[axis].max(low[axis]).min(high[axis]))
     }
 
     /// Searches a range of the points. `offsets` lead from the box in which these lie to the point to which they are searched: along

@@ -242,9 +242,9 @@ pub fn completion(text: &str) -> Value {
     })
 }
 
-/// A view of `count` segments of 4 x 4 pixels each, 25 in a row.
+/// A view of `count` segments of 4 x 4 pixels each, up to 25 in a row.
 fn grid(count: u32) -> View {
-    view("000", (100, count.div_ceil(25) * 4), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)
+    view("000", (count.min(25) * 4, count.div_ceil(25) * 4), 80, |x, y| (1 + x / 4 + 25 * (y / 4)) as u16)
 }
 
 /// The first material of a family.

@@ -71,10 +71,7 @@ fn a_colmap_model_finds_no_photos_in_the_folder_above_the_scene() {
     fs::rename(folder.join("images"), home.path().join("images")).unwrap();
     let load = |options: &Options| gprop::scene::load(&folder, options);
     let images = home.path().join("images");
-    assert_message(
-        load(&Options::default()),
-        &["outside the scene folder", &format!("--images {}", images.display())],
-    );
+    assert_message(load(&Options::default()), &["outside the scene folder", &format!("--images {}", images.display())]);
     assert_eq!(load(&Options { images: Some(images), ..Options::default() }).unwrap().views.len(), 4);
 }
 
