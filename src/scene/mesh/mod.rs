@@ -1,5 +1,7 @@
 //! Meshes: surfaces of triangles that people already have, instead of splats.
 
+pub mod containers;
+
 /// A surface of triangles.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Triangles {
