@@ -1,6 +1,7 @@
 //! Numerical functions and constants for several modules: medians, intervals, directions and rotations spread evenly, the
-//! point where lines meet, rigid motions, and the linear light of sRGB colours.
+//! point where lines meet, rigid motions, convex hulls, and the linear light of sRGB colours.
 
+pub mod hull;
 pub mod nearest;
 
 use std::f64::consts::PI;

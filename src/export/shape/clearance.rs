@@ -1,7 +1,7 @@
 //! How far the places around the object are from it.
 
 use super::Solid;
-use super::hull::Hull;
+use crate::numeric::hull::Hull;
 use crate::parts::{Grid, OUTSIDE};
 
 /// Per cell: distance to the nearest cell of the object, 0 within it, in scene units.

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use super::Solid;
 use super::clearance::{Clearance, Overreach};
-use super::hull::Hull;
+use crate::numeric::hull::Hull;
 use crate::parts::{Grid, OUTSIDE, blur};
 
 /// How far a hull may reach beyond the object, as a share of the object's diagonal, and in cells at least: below that,

@@ -3,13 +3,12 @@
 //! 1. [`solid`] gives every cell of the object, enclosed voids included, to a part;
 //! 2. [`surface`] wraps cells in a closed mesh, [`simplify`] reduces its triangles;
 //! 3. [`atlas`] lays the triangles out on a picture, [`bake`] paints it with the splat;
-//! 4. [`colliders`] decomposes each part into convex [`hull`]s, for collisions.
+//! 4. [`colliders`] decomposes each part into convex [`hull`](crate::numeric::hull)s, for collisions.
 
 mod atlas;
 mod bake;
 mod clearance;
 mod colliders;
-mod hull;
 mod simplify;
 mod solid;
 mod surface;
@@ -169,11 +168,6 @@ pub fn part_meshes(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) 
         PartMesh { part, mesh: mesh.scaled(*meters_per_unit), colors }
     });
     meshed.filter(|meshed| meshed.mesh.volume() > 0.0).collect()
-}
-
-/// A vector of the crate that computes hulls.
-fn parry(p: &Point3<f64>) -> parry3d_f64::math::Vector {
-    parry3d_f64::math::Vector::new(p.x, p.y, p.z)
 }
 
 /// The standard deviations at which a Gaussian ends: beyond, 1.1 % of its opacity is left.

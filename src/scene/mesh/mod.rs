@@ -1,6 +1,7 @@
 //! Meshes: surfaces of triangles that people already have, instead of splats.
 
 pub mod containers;
+pub mod solid;
 
 /// A surface of triangles.
 #[derive(Debug, Clone, Default, PartialEq)]

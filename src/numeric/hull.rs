@@ -1,9 +1,8 @@
-//! Convex hulls, of few vertices.
+//! Convex hulls.
 
 use nalgebra::{Point3, Vector3};
+use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
-
-use super::parry;
 
 /// Maximum number of vertices of a hull that PhysX and other engines accept.
 const VERTICES: usize = 64;
@@ -11,6 +10,10 @@ const VERTICES: usize = 64;
 /// A vertex this far beyond a plane, as a share of the hull's size, lies in it: far more than rounding errors, and far less
 /// than a cell.
 const FLAT: f64 = 1e-6;
+
+/// Six times the volume between a point in a face and that face, as a share of the cube of the hull's size: more than its
+/// rounding errors.
+const ROUNDING: f64 = 1e-12;
 
 /// A convex body.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,7 +26,7 @@ pub struct Hull {
 impl Hull {
     /// The hull of points; `None` if they span no volume.
     pub fn of(points: &[Point3<f64>]) -> Option<Self> {
-        let points: Vec<_> = points.iter().map(parry).collect();
+        let points: Vec<_> = points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
         let (vertices, triangles) = try_convex_hull(&points).ok()?;
         let hull = Self { vertices: vertices.iter().map(|v| Point3::new(v.x, v.y, v.z)).collect(), triangles };
         (hull.volume() > 0.0).then_some(hull)
@@ -85,6 +88,17 @@ impl Hull {
         let error = FLAT * (high - low).norm();
         let holds_all = |(n, d): &(Vector3<f64>, f64)| self.vertices.iter().all(|v| n.dot(&v.coords) <= d + error);
         self.planes().into_iter().filter(holds_all).collect()
+    }
+
+    /// Whether a point lies inside, or beyond a face by at most `tolerance`.
+    pub fn contains(&self, point: Point3<f64>, tolerance: f64) -> bool {
+        let [low, high] = self.extent();
+        let rounding = ROUNDING * (high - low).norm().powi(3);
+        self.triangles.iter().all(|t| {
+            let [a, b, c] = t.map(|v| self.vertices[v as usize]);
+            let normal = (b - a).cross(&(c - a));
+            normal.dot(&(point - a)) <= tolerance * normal.norm() + rounding
+        })
     }
 
     /// The corners of its box.

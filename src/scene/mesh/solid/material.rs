@@ -1,0 +1,227 @@
+//! Where the material is that a surface bounds: behind its outside, not in its voids.
+
+use nalgebra::Point3;
+
+use super::moments::Moments;
+use super::nesting::Nesting;
+use super::oriented::Oriented;
+use super::quadrature::{INTEGRALS, Integrals, Sample, integrate};
+use super::thickness::thickness;
+use super::winding::Winding;
+use super::{Doubt, Kind};
+use crate::numeric::hull::Hull;
+use crate::units::Estimate;
+
+/// A place belongs to the material if the surface winds around it more often than this: surely, probably, possibly.
+const LEVELS: [f64; INTEGRALS] = [0.75, 0.5, 0.25];
+/// A surface is a sheet if less than this share of the space that it may enclose is surely enclosed.
+const SHEET: f64 = 0.1;
+/// A surface that is not closed has mere holes if more than this share is.
+const HOLES: f64 = 0.9;
+/// Material is a wall if it fills less than this share of the convex hull,
+const HOLLOW: f64 = 0.5;
+/// is thinner than this share of the cube root of the hull's volume,
+const THIN: f64 = 0.15;
+/// has a volume that differs from half its surface times its thickness by at most this share,
+const EVEN: f64 = 0.3;
+/// and no place of it is more than this many times as thick or as thin as the middle one.
+const ALIKE: f64 = 3.0;
+
+/// The material that a surface bounds, in the frame of the measurement.
+pub struct Material {
+    pub volume: Estimate,
+    /// With the middle volume.
+    pub moments: Moments,
+    pub kind: Kind,
+    pub doubts: Vec<Doubt>,
+    /// Number of outermost components that faced inward.
+    pub inverted: usize,
+}
+
+/// Finds the material.
+pub fn material(surface: &Oriented) -> Material {
+    let layers = Layers::of(surface);
+    let [by_direction, by_parity] = [layers.by_direction(), layers.by_parity()];
+    let (turns, mut doubts) = layers.choose(&by_direction, &by_parity);
+    let readings = [&by_direction, &by_parity, &turns].map(|turns| layers.total(turns).volume);
+    let chosen = readings[2];
+    let [below, above] = [f64::min, f64::max].map(|end| readings.into_iter().fold(chosen, end) - chosen);
+    let integrated = layers.integrated(&turns);
+    let moments = integrated.moments[1];
+    let [sure, possible] = [0, 2].map(|k| integrated.moments[k].volume);
+    let error = integrated.errors[1];
+    let volume = Estimate::new(
+        (sure.min(moments.volume) - error + below).max(0.0),
+        moments.volume,
+        possible.max(moments.volume) + error + above,
+    );
+    doubts.extend(layers.numerical_doubts(error / moments.volume));
+    let solidity = if possible > 0.0 { sure / possible } else { 0.0 };
+    let kind = layers.kind(&turns, &volume, solidity);
+    let inverted = layers.inverted();
+    if kind == Kind::Sheet {
+        // Of a sheet, only what it might hold is known.
+        let volume = Estimate::new(0.0, 0.0, volume.high);
+        return Material { volume, moments: Moments::ZERO, kind, doubts, inverted };
+    }
+    Material { volume, moments, kind, doubts, inverted }
+}
+
+/// The components and how they lie within each other.
+struct Layers<'a> {
+    surface: &'a Oriented,
+    /// Of the closed components.
+    nesting: Nesting,
+    /// Per component, whether it is closed and lies inside of those that are not.
+    is_in_open: Vec<bool>,
+}
+
+impl<'a> Layers<'a> {
+    fn of(surface: &'a Oriented) -> Self {
+        let components = &surface.components;
+        let closed = |n: u32| Some(surface.component_of[n as usize]).filter(|c| components[*c as usize].is_closed);
+        let triangles_of: Vec<&[u32]> =
+            components.iter().map(|c| if c.is_closed { c.triangles.as_slice() } else { &[] }).collect();
+        let nesting = Nesting::of(&surface.tree, &surface.corners, &triangles_of, closed);
+        let mut is_in_open = vec![false; components.len()];
+        if components.iter().any(|component| !component.is_closed) {
+            let open = Winding::of(&surface.tree, |n| if closed(n).is_none() { 1.0 } else { 0.0 });
+            for (component, is_in_open) in components.iter().zip(&mut is_in_open) {
+                let place = surface.corners[component.triangles[0] as usize][0];
+                *is_in_open = component.is_closed && open.at(place) > LEVELS[1];
+            }
+        }
+        Self { surface, nesting, is_in_open }
+    }
+
+    /// How often the surface winds around the inside of each component because of this component, as their directions
+    /// in the file say: 1, or -1 for a void. What is outermost faces outward.
+    fn by_direction(&self) -> Vec<f64> {
+        let faces = |c: usize| if self.surface.components[c].faced_inward { -1.0 } else { 1.0 };
+        let turn = |c: usize| {
+            let outermost = self.nesting.outermost(c);
+            if self.is_in_open[outermost] { faces(c) } else { faces(c) * faces(outermost) }
+        };
+        (0..self.surface.components.len()).map(turn).collect()
+    }
+
+    /// The same if every component within another one is a void, and the next one solid again.
+    fn by_parity(&self) -> Vec<f64> {
+        let turn = |c: usize| {
+            let depth = self.nesting.depth(c) + usize::from(self.is_in_open[self.nesting.outermost(c)]);
+            if depth.is_multiple_of(2) { 1.0 } else { -1.0 }
+        };
+        (0..self.surface.components.len()).map(turn).collect()
+    }
+
+    /// Which of the two to take, and why that is in doubt.
+    fn choose(&self, by_direction: &[f64], by_parity: &[f64]) -> (Vec<f64>, Vec<Doubt>) {
+        let alike: Vec<usize> = (0..by_parity.len()).filter(|&c| by_direction[c] != by_parity[c]).collect();
+        let unreliable = |c: usize| {
+            let component = &self.surface.components[c];
+            self.nesting.depth(c) > 0 && component.is_unreliable
+        };
+        let is_unreliable = (0..by_parity.len()).any(unreliable);
+        let mut doubts = Vec::new();
+        if !alike.is_empty() {
+            doubts.push(Doubt::NestedAlike { components: alike.len() });
+        }
+        let volume = Estimate::exactly(self.total(by_parity).volume);
+        let is_void = !alike.is_empty() && (is_unreliable || self.wall(by_parity, &volume).is_some());
+        (if is_void { by_parity } else { by_direction }.to_vec(), doubts)
+    }
+
+    /// Per component, whether it bounds material if no components cross: 1 from inside, -1 from outside, 0 not at all.
+    fn bounds(&self, turns: &[f64]) -> Vec<f64> {
+        let is_material = |winding: f64| if winding > LEVELS[1] { 1.0 } else { 0.0 };
+        let bound = |(c, around): (usize, &Vec<u32>)| {
+            let open = if self.is_in_open[self.nesting.outermost(c)] { 1.0 } else { 0.0 };
+            let outside = open + around.iter().map(|other| turns[*other as usize]).sum::<f64>();
+            is_material(outside + turns[c]) - is_material(outside)
+        };
+        self.nesting.around.iter().enumerate().map(bound).collect()
+    }
+
+    /// The material within closed components if no components cross.
+    fn total(&self, turns: &[f64]) -> Moments {
+        let inside = self.surface.components.iter().zip(self.bounds(turns));
+        inside.fold(Moments::ZERO, |sum, (component, bound)| sum + component.moments * bound)
+    }
+
+    fn is_simple(&self) -> bool {
+        !self.nesting.crosses.contains(&true) && self.surface.components.iter().all(|component| component.is_closed)
+    }
+
+    /// The material at each of the [`LEVELS`]: exact if nothing crosses and all is closed.
+    fn integrated(&self, turns: &[f64]) -> Integrals {
+        if self.is_simple() {
+            return Integrals { moments: [self.total(turns); INTEGRALS], errors: [0.0; INTEGRALS] };
+        }
+        let Oriented { tree, corners, component_of, components, .. } = self.surface;
+        let has_open = components.iter().any(|component| !component.is_closed);
+        let is_closed = |n: u32| components[component_of[n as usize] as usize].is_closed;
+        let closed = Winding::of(tree, |n| if is_closed(n) { turns[component_of[n as usize] as usize] } else { 0.0 });
+        let open = has_open.then(|| Winding::of(tree, |n| if is_closed(n) { 0.0 } else { 1.0 }));
+        // What closed components contribute is known exactly, so only the difference is integrated.
+        let sample = |point: Point3<f64>| {
+            let whole = closed.at(point).round();
+            let field = whole + open.as_ref().map_or(0.0, |open| open.at(point));
+            Sample { values: LEVELS.map(|level| if field > level { 1.0 - whole } else { -whole }), field }
+        };
+        let levels: &[f64] = if has_open { &LEVELS } else { &[] };
+        let mut integrals = integrate(corners, sample, levels);
+        let known = components.iter().zip(turns).fold(Moments::ZERO, |sum, (c, turn)| sum + c.moments * *turn);
+        integrals.moments = integrals.moments.map(|moments| moments + known);
+        integrals
+    }
+
+    fn kind(&self, turns: &[f64], volume: &Estimate, solidity: f64) -> Kind {
+        let is_closed = self.surface.components.iter().all(|component| component.is_closed);
+        match self.wall(turns, volume) {
+            _ if !is_closed && solidity < SHEET => Kind::Sheet,
+            Some(thickness) if is_closed || solidity > HOLES => Kind::Wall { thickness },
+            _ if is_closed => Kind::Solid,
+            _ => Kind::Open,
+        }
+    }
+
+    /// The thickness of the material if it is a wall.
+    fn wall(&self, turns: &[f64], volume: &Estimate) -> Option<Estimate> {
+        let Oriented { tree, corners, component_of, components, .. } = self.surface;
+        let sides = if self.is_simple() { self.bounds(turns) } else { turns.to_vec() };
+        let hull = Hull::of(&corners.iter().flatten().copied().collect::<Vec<_>>())?.volume();
+        if volume.mid > HOLLOW * hull {
+            return None;
+        }
+        let bounding = components.iter().zip(&sides).filter(|(_, side)| **side != 0.0);
+        let triangles: Vec<u32> = bounding.clone().flat_map(|(component, _)| &component.triangles).copied().collect();
+        let area: f64 = bounding.map(|(component, _)| component.area).sum();
+        let wall = thickness(tree, corners, &triangles, |n| sides[component_of[n as usize] as usize])?;
+        let is_wall = wall.mid < THIN * hull.cbrt()
+            && (volume.mid / (0.5 * area * wall.mid) - 1.0).abs() < EVEN
+            && wall.low * ALIKE > wall.mid
+            && wall.high < ALIKE * wall.mid;
+        is_wall.then_some(wall)
+    }
+
+    /// Doubts about surfaces that are not simple; the volume has a relative `error`.
+    fn numerical_doubts(&self, error: f64) -> Vec<Doubt> {
+        let crossing = self.nesting.crosses.iter().filter(|crosses| **crosses).count();
+        let open = self.surface.components.iter().filter(|component| !component.is_closed).count();
+        let boundary_edges = self.surface.topology.boundary_edges;
+        let mut doubts = Vec::new();
+        if open > 0 {
+            doubts.push(Doubt::Open { components: open, boundary_edges });
+        }
+        if crossing > 0 {
+            doubts.push(Doubt::Crossing { components: crossing, error });
+        }
+        doubts
+    }
+
+    fn inverted(&self) -> usize {
+        let is_inverted =
+            |c: &usize| self.surface.components[*c].faced_inward && self.nesting.depth(*c) == 0 && !self.is_in_open[*c];
+        (0..self.surface.components.len()).filter(is_inverted).count()
+    }
+}
