@@ -3,6 +3,9 @@
 use nalgebra::{Point3, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
+use rayon::prelude::*;
+
+use super::sphere_directions;
 
 /// Maximum number of vertices of a hull that PhysX and other engines accept.
 const VERTICES: usize = 64;
@@ -10,6 +13,9 @@ const VERTICES: usize = 64;
 /// A vertex this far beyond a plane, as a share of the hull's size, lies in it: far more than rounding errors, and far less
 /// than a cell.
 const FLAT: f64 = 1e-6;
+
+/// Directions in which [`Hull::inner`] seeks points: with so many, that of a ball is 3 % too small.
+const DIRECTIONS: usize = 300;
 
 /// Six times the volume between a point in a face and that face, as a share of the cube of the hull's size: more than its
 /// rounding errors.
@@ -30,6 +36,18 @@ impl Hull {
         let (vertices, triangles) = try_convex_hull(&points).ok()?;
         let hull = Self { vertices: vertices.iter().map(|v| Point3::new(v.x, v.y, v.z)).collect(), triangles };
         (hull.volume() > 0.0).then_some(hull)
+    }
+
+    /// The hull of those points that are farthest in some [`DIRECTIONS`]: a little too small, but quick however many points
+    /// there are; `None` if they span no volume.
+    pub fn inner(points: &[Point3<f64>]) -> Option<Self> {
+        let directions: Vec<Vector3<f64>> = sphere_directions(DIRECTIONS).collect();
+        let farthest = |direction: &Vector3<f64>| {
+            let along = |p: &Point3<f64>| p.coords.dot(direction);
+            points.iter().max_by(|a, b| along(a).total_cmp(&along(b))).copied()
+        };
+        let found: Vec<Point3<f64>> = directions.par_iter().filter_map(farthest).collect();
+        Self::of(&found)
     }
 
     /// A hull of at most [`VERTICES`] of its vertices: those that lie farthest outside the hull of the ones already
@@ -105,5 +123,26 @@ impl Hull {
     pub fn extent(&self) -> [Point3<f64>; 2] {
         let first = self.vertices[0];
         self.vertices.iter().fold([first, first], |[low, high], v| [low.inf(v), high.sup(v)])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hulls_of_a_box_and_a_ball() {
+        let corners: Vec<Point3<f64>> = (0..8)
+            .map(|n| Point3::new(f64::from(n & 1), f64::from(n >> 1 & 1), 2.0 * f64::from(n >> 2)))
+            .chain([Point3::new(0.5, 0.5, 1.0)])
+            .collect();
+        let hull = Hull::of(&corners).unwrap();
+        assert!((hull.volume() - 2.0).abs() < 1e-12 && (Hull::inner(&corners).unwrap().volume() - 2.0).abs() < 1e-12);
+        assert!(hull.contains(Point3::new(1.0, 1.0, 2.0), 0.0) && !hull.contains(Point3::new(1.01, 0.5, 1.0), 0.0));
+        assert!(hull.contains(Point3::new(1.01, 0.5, 1.0), 0.02));
+        let ball: Vec<Point3<f64>> = sphere_directions(5000).map(Point3::from).collect();
+        let share = Hull::inner(&ball).unwrap().volume() / Hull::of(&ball).unwrap().volume();
+        assert!((0.96..1.0).contains(&share), "{share}");
+        assert!(Hull::of(&ball[..3]).is_none() && Hull::inner(&[]).is_none());
     }
 }

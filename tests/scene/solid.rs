@@ -179,7 +179,7 @@ fn open_cup_encloses_what_it_holds() {
 #[test]
 fn crossing_spheres_count_once() {
     // Two balls of radius 1 whose centres are 1 apart; their common lens is 5/12 pi.
-    let apart = [sphere([0.0; 3], 1.0, 60), sphere([0.6, 0.8, 0.0], 1.0, 60)];
+    let apart = [sphere([0.0; 3], 1.0, 40), sphere([0.6, 0.8, 0.0], 1.0, 40)];
     let solid = measured(&joined(&apart), CLOSED_FORM);
     assert!(is_near(solid.volume.mid, (8.0 / 3.0 - 5.0 / 12.0) * PI, CLOSED_FORM), "{:?}", solid.volume);
     assert!((solid.center - nalgebra::Point3::new(0.3, 0.4, 0.0)).norm() < 0.005, "{}", solid.center);
@@ -251,6 +251,13 @@ fn sizes_and_places_do_not_matter() {
         let tolerance = ROUNDING + 1e-15 * place / size;
         assert!(is_near(solid.volume.mid, unit.volume.mid * size.powi(3), tolerance), "{size}: {:?}", solid.volume);
     }
+}
+
+#[test]
+fn a_million_triangles_are_measured() {
+    let solid = measure(&sphere([0.0; 3], 1.0, 500)).unwrap();
+    assert!(is_near(solid.volume.mid, 4.0 / 3.0 * PI, 1e-4), "{:?}", solid.volume);
+    assert_eq!(solid.topology.triangles, 1_000_000 - 2 * 1000);
 }
 
 #[test]

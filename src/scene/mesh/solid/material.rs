@@ -18,14 +18,14 @@ const LEVELS: [f64; INTEGRALS] = [0.75, 0.5, 0.25];
 const SHEET: f64 = 0.1;
 /// A surface that is not closed has mere holes if more than this share is.
 const HOLES: f64 = 0.9;
-/// Material is a wall if it fills less than this share of the convex hull,
-const HOLLOW: f64 = 0.5;
-/// is thinner than this share of the cube root of the hull's volume,
-const THIN: f64 = 0.15;
-/// has a volume that differs from half its surface times its thickness by at most this share,
+/// Material is a wall if its volume differs from half its surface times its thickness by at most this share,
 const EVEN: f64 = 0.3;
-/// and no place of it is more than this many times as thick or as thin as the middle one.
+/// 90 % of it are at most this many times as thick, or as thin, as the middle,
 const ALIKE: f64 = 3.0;
+/// it fills less than this share of its convex hull,
+const HOLLOW: f64 = 0.5;
+/// and it is thinner than this share of the cube root of the hull's volume.
+const THIN: f64 = 0.15;
 
 /// The material that a surface bounds, in the frame of the measurement.
 pub struct Material {
@@ -189,19 +189,19 @@ impl<'a> Layers<'a> {
     fn wall(&self, turns: &[f64], volume: &Estimate) -> Option<Estimate> {
         let Oriented { tree, corners, component_of, components, .. } = self.surface;
         let sides = if self.is_simple() { self.bounds(turns) } else { turns.to_vec() };
-        let hull = Hull::of(&corners.iter().flatten().copied().collect::<Vec<_>>())?.volume();
-        if volume.mid > HOLLOW * hull {
-            return None;
-        }
         let bounding = components.iter().zip(&sides).filter(|(_, side)| **side != 0.0);
         let triangles: Vec<u32> = bounding.clone().flat_map(|(component, _)| &component.triangles).copied().collect();
         let area: f64 = bounding.map(|(component, _)| component.area).sum();
         let wall = thickness(tree, corners, &triangles, |n| sides[component_of[n as usize] as usize])?;
-        let is_wall = wall.mid < THIN * hull.cbrt()
-            && (volume.mid / (0.5 * area * wall.mid) - 1.0).abs() < EVEN
+        let is_even = (volume.mid / (0.5 * area * wall.mid) - 1.0).abs() < EVEN
             && wall.low * ALIKE > wall.mid
             && wall.high < ALIKE * wall.mid;
-        is_wall.then_some(wall)
+        if !is_even {
+            return None;
+        }
+        let points: Vec<Point3<f64>> = corners.iter().flatten().copied().collect();
+        let hull = Hull::inner(&points)?.volume();
+        (volume.mid < HOLLOW * hull && wall.mid < THIN * hull.cbrt()).then_some(wall)
     }
 
     /// Doubts about surfaces that are not simple; the volume has a relative `error`.
