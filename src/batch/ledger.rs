@@ -161,11 +161,11 @@ impl Known {
     /// The outcome of `scene` for the current task, whichever shard the scene was in; a done outcome takes precedence
     /// over a failed one.
     pub fn of(&self, scene: &Selected, key: &str) -> Option<Outcome> {
-        let with = |state: State| {
+        let outcome_in = |state: State| {
             let mut matching = self.outcomes.get(&scene.name)?.iter().filter(|outcome| outcome.key == key);
             matching.find(|outcome| outcome.state == state)
         };
-        with(State::Done).or_else(|| with(State::Failed)).map(|outcome| found_at(scene, outcome))
+        outcome_in(State::Done).or_else(|| outcome_in(State::Failed)).map(|outcome| found_at(scene, outcome))
     }
 
     /// The outcome of `scene` to merge: that for the current task if there is one. Shards that were run with other

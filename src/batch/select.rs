@@ -111,9 +111,10 @@ fn of_split(scenes: Vec<Entry>, split: &str, warnings: &mut Vec<String>) -> Resu
     let known: BTreeSet<&str> = scenes.iter().filter_map(|scene| scene.split.as_deref()).collect();
     if !known.contains(split) {
         let known: Vec<&str> = known.into_iter().collect();
-        return Err(refuse(match known.is_empty() {
-            true => "the data set has no splits; give a text file with one scene name per line".to_owned(),
-            false => format!("is neither a file nor a split of the data set; its splits are {}", known.join(", ")),
+        return Err(refuse(if known.is_empty() {
+            "the data set has no splits; give a text file with one scene name per line".to_owned()
+        } else {
+            format!("is neither a file nor a split of the data set; its splits are {}", known.join(", "))
         }));
     }
     Ok(scenes.iter().filter(|scene| scene.split.as_deref() == Some(split)).cloned().collect())

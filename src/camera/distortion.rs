@@ -219,9 +219,10 @@ impl Polynomial {
         // d(radial)/dx = 2 x slope.
         let radial_jacobian =
             [[radial + 2.0 * x * x * slope, 2.0 * x * y * slope], [2.0 * x * y * slope, radial + 2.0 * y * y * slope]];
-        let decentring = match self.prism_after_radial {
-            true => product(self.decentring_jacobian(x * radial, y * radial), radial_jacobian),
-            false => self.decentring_jacobian(x, y),
+        let decentring = if self.prism_after_radial {
+            product(self.decentring_jacobian(x * radial, y * radial), radial_jacobian)
+        } else {
+            self.decentring_jacobian(x, y)
         };
         std::array::from_fn(|row| std::array::from_fn(|column| radial_jacobian[row][column] + decentring[row][column]))
     }

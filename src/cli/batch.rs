@@ -170,11 +170,9 @@ fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Que
             failures
         }
     };
-    match failures.is_empty() {
-        true => Ok(()),
-        false => {
-            let scenes = batch.scenes().count();
-            Err(BatchError::Incomplete { scenes, failed: failures, missing: Vec::new() }.into())
-        }
+    if failures.is_empty() {
+        return Ok(());
     }
+    let scenes = batch.scenes().count();
+    Err(BatchError::Incomplete { scenes, failed: failures, missing: Vec::new() }.into())
 }

@@ -124,9 +124,10 @@ pub fn recorded(flags: &[OsString], scene: &Path, known: &[Flag]) -> FieldFlags 
     for flag in flags {
         // A path that is not Unicode has no place in JSON.
         let Some((of, value)) = flag.to_str().and_then(|text| parsed(text, known)) else { continue };
-        let text = match of.takes_value && of.is_path(value) {
-            true => config::portable(Path::new(value), scene).to_str().map(|path| format!("--{}={path}", of.name)),
-            false => flag.to_str().map(str::to_owned),
+        let text = if of.takes_value && of.is_path(value) {
+            config::portable(Path::new(value), scene).to_str().map(|path| format!("--{}={path}", of.name))
+        } else {
+            flag.to_str().map(str::to_owned)
         };
         recorded.entry(of.field.to_owned()).or_default().extend(text);
     }

@@ -256,10 +256,10 @@ fn stage_flags(matches: &clap::ArgMatches) -> Vec<OsString> {
             continue;
         }
         let values: Vec<_> = matches.get_raw(id).into_iter().flatten().collect();
-        let with = |value: &OsStr| [OsStr::new(&format!("--{flag}=")), value].into_iter().collect();
+        let flag_with = |value: &OsStr| [OsStr::new(&format!("--{flag}=")), value].into_iter().collect();
         match argument.get_value_delimiter() {
-            Some(delimiter) => typed.push(with(&values.join(OsStr::new(&delimiter.to_string())))),
-            None => typed.extend(values.into_iter().map(with)),
+            Some(delimiter) => typed.push(flag_with(&values.join(OsStr::new(&delimiter.to_string())))),
+            None => typed.extend(values.into_iter().map(flag_with)),
         }
     }
     typed

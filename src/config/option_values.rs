@@ -160,9 +160,8 @@ pub fn file_or_folder() -> impl TypedValueParser<Value = PathBuf> {
 
 /// A folder, or a path at which nothing exists yet.
 pub fn new_folder() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().try_map(|path| match path.exists() && !path.is_dir() {
-        true => Err("this is a file; give a folder".to_owned()),
-        false => Ok(path),
+    PathBufValueParser::new().try_map(|path| {
+        if path.exists() && !path.is_dir() { Err("this is a file; give a folder".to_owned()) } else { Ok(path) }
     })
 }
 

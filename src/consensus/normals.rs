@@ -28,8 +28,8 @@ impl Normals {
         light: &[f32],
         toward_views: &[Vector3<f32>],
     ) -> Self {
-        let own = |&i: &u32| own_normal(gaussians, i as usize, &toward_views[i as usize]);
-        let own: Vec<Vector3<f32>> = seen.par_iter().map(own).collect();
+        let normal_of = |&i: &u32| own_normal(gaussians, i as usize, &toward_views[i as usize]);
+        let own: Vec<Vector3<f32>> = seen.par_iter().map(normal_of).collect();
         let smoothed = |&i: &u32| {
             let i = i as usize;
             let around = nearest.find(gaussians.positions[i], SMOOTHED_OVER).into_iter();

@@ -97,13 +97,13 @@ pub fn field_at(
 ) -> Vec<Result<ShoreHardness, Missing>> {
     let drawn = render_labels(gaussians, camera, &field.part_label, &RenderOptions::default());
     let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
-    let at = |&(x, y): &(f64, f64)| {
+    let predicted_at = |&(x, y): &(f64, f64)| {
         let on_picture = (0.0..f64::from(width)).contains(&x) && (0.0..f64::from(height)).contains(&y);
         let pixel = on_picture.then(|| y as usize * width as usize + x as usize);
         let label = pixel.and_then(|pixel| drawn[pixel]).ok_or(Missing::OffTheObject)?;
         field.labels[label as usize].hardness.ok_or(Missing::NoHardness)
     };
-    places.iter().map(at).collect()
+    places.iter().map(predicted_at).collect()
 }
 
 /// Scores all points at which the field has a value: the middle of its range against the reading.

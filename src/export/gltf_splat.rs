@@ -36,8 +36,9 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     let mut first = 0;
     for degree in 1..=usize::from(gaussians.sh_degree) {
         for n in 0..2 * degree + 1 {
-            let of = |i: usize| [0, 1, 2].map(|channel| gaussians.sh_rest_of(i)[channel * count + first + n]);
-            let values: Vec<[f32; 3]> = all().map(of).collect();
+            let coefficients_of =
+                |i: usize| [0, 1, 2].map(|channel| gaussians.sh_rest_of(i)[channel * count + first + n]);
+            let values: Vec<[f32; 3]> = all().map(coefficients_of).collect();
             attributes.insert(format!("{EXTENSION}:SH_DEGREE_{degree}_COEF_{n}"), json!(gltf.floats(&values, false)));
         }
         first += 2 * degree + 1;

@@ -20,11 +20,11 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
         }
         let mut gaussians = model.gaussians.clone();
         gaussians.retain(&kept);
-        let own = |column: &ExtraProperty| ExtraProperty {
+        let kept_of = |column: &ExtraProperty| ExtraProperty {
             name: column.name.clone(),
             values: column.values.iter().zip(&kept).filter(|(_, kept)| **kept).map(|(value, _)| *value).collect(),
         };
-        let columns: Vec<ExtraProperty> = columns.iter().map(own).collect();
+        let columns: Vec<ExtraProperty> = columns.iter().map(kept_of).collect();
         let mut caption = identifier(&label.caption);
         caption.truncate(LONGEST);
         let name = format!("{folder}/part{}_{caption}.ply", label.id);

@@ -78,9 +78,12 @@ impl Npz {
     fn numbers<T: Number>(&mut self, name: &str, kind: &'static str) -> Result<Vec<T>, NpzError> {
         let bytes = self.unpack(name)?;
         let array = NpyArray::open(&bytes);
-        let numbers = array.and_then(|array| match array.fortran_order && array.shape.len() > 1 {
-            true => Err(NpyError::Fortran),
-            false => array.numbers().ok_or_else(|| NpyError::Type(array.kind())),
+        let numbers = array.and_then(|array| {
+            if array.fortran_order && array.shape.len() > 1 {
+                Err(NpyError::Fortran)
+            } else {
+                array.numbers().ok_or_else(|| NpyError::Type(array.kind()))
+            }
         });
         numbers.map_err(|source| NpzError::Array { name: name.to_owned(), kind, source })
     }

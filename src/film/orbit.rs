@@ -57,11 +57,11 @@ fn camera(pose: &Isometry3<f64>, middle: &Vector3<f64>, distance: f64, size: Siz
 /// point p in the axes of the camera, seen from the middle.
 fn needed(points: &[Point3<f64>], middle: &Vector3<f64>, size: Size) -> f64 {
     let (focal, half) = (focal(size), half(size));
-    let of = |point: &Point3<f64>| {
+    let distance_for = |point: &Point3<f64>| {
         let p = point - middle;
         (0..2).map(|a| focal * p[a].abs() / (FILLED * half[a]) - p.z).fold(0.0, f64::max)
     };
-    points.iter().map(of).fold(0.0, f64::max)
+    points.iter().map(distance_for).fold(0.0, f64::max)
 }
 
 fn focal(size: Size) -> f64 {

@@ -29,9 +29,10 @@ impl<'a> Cells<'a> {
         let (low, high) = (cell(&(place - reach), self.side), cell(&(place + reach), self.side));
         let count: f64 = (0..3).map(|a| high[a] as f64 - low[a] as f64 + 1.0).product();
         // A radius of many cells' sides reaches more cells than there are points: then all points are looked at instead.
-        let (low, high, others) = match count > (self.points.len() as f64).max(LEAST_SCANNED) {
-            true => ([0; 3], [-1; 3], 0..self.points.len()),
-            false => (low, high, 0..0),
+        let (low, high, others) = if count > (self.points.len() as f64).max(LEAST_SCANNED) {
+            ([0; 3], [-1; 3], 0..self.points.len())
+        } else {
+            (low, high, 0..0)
         };
         let cells = (low[0]..=high[0])
             .flat_map(move |x| (low[1]..=high[1]).flat_map(move |y| (low[2]..=high[2]).map(move |z| [x, y, z])));

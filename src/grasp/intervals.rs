@@ -118,15 +118,15 @@ impl Inputs {
     /// The low, middle or high value of both bounds: F_min is largest for the heaviest object with the least friction,
     /// F_max smallest for the weakest, softest and thinnest part.
     fn bounds(&self, reading: Reading) -> (f64, ForceMax) {
-        let at = |e: Estimate| reading.of(e);
+        let read = |e: Estimate| reading.of(e);
         let friction = reading.opposite().of(self.friction);
         let upper = f_max(&GraspedPart {
             area_m2: self.contact_area_m2,
-            strength_pa: at(self.strength_pa),
-            youngs_modulus_pa: at(self.youngs_modulus_pa),
-            thickness_m: at(self.thickness_m),
+            strength_pa: read(self.strength_pa),
+            youngs_modulus_pa: read(self.youngs_modulus_pa),
+            thickness_m: read(self.thickness_m),
             max_curvature_1_m: self.max_curvature_1_m,
         });
-        (f_min(at(self.mass_kg), friction, self.lift_angle_rad, GRAVITY_M_S2), upper)
+        (f_min(read(self.mass_kg), friction, self.lift_angle_rad, GRAVITY_M_S2), upper)
     }
 }

@@ -299,10 +299,13 @@ fn faces(shape: &OrientedBox, spacing: f64, color: [f32; 3], sh_degree: u8, mete
                 .unwrap_or_else(|| UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI));
             let light = 0.75 + 0.25 * normal.dot(&Vector3::new(0.3, 0.5, 0.8).normalize());
             for (i, j) in (0..counts[0]).flat_map(|i| (0..counts[1]).map(move |j| (i, j))) {
-                let at = |k: usize, count: usize, side: usize| {
+                let offset_along = |k: usize, count: usize, side: usize| {
                     shape.axes[side] * shape.half[side] * (2.0 * (k as f64 + 0.5) / count as f64 - 1.0)
                 };
-                let place = shape.center + normal * shape.half[axis] + at(i, counts[0], u) + at(j, counts[1], v);
+                let place = shape.center
+                    + normal * shape.half[axis]
+                    + offset_along(i, counts[0], u)
+                    + offset_along(j, counts[1], v);
                 gaussians.positions.push((place / meters_per_unit).coords.map(|c| c as f32).into());
                 gaussians.log_scales.push([log(0.7 * spacing), log(0.7 * spacing), log(0.1 * spacing)]);
                 let q = turn.quaternion();

@@ -87,8 +87,8 @@ impl Order<'_> {
     }
 
     fn scatter(&self, slab: usize) {
-        let own = |planes: usize| self.planes[planes].lock().expect("no slab panicked");
-        let (mut left, mut right) = (own(slab), own(slab + 1));
+        let locked = |planes: usize| self.planes[planes].lock().expect("no slab panicked");
+        let (mut left, mut right) = (locked(slab), locked(slab + 1));
         // The even slabs run first, so they clear the planes.
         if slab.is_multiple_of(2) {
             left.nodes.fill(0.0);

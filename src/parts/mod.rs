@@ -158,12 +158,18 @@ pub fn parts(
     let notes = notes(field, floaters, &shapes, &constructions, &composed, options.min_part_share);
     let parts = meters_per_unit.map(|_| {
         let weighables = weighables(&shapes, field, &constructions, &composed, &bodies);
-        let of = |weight: &Weight| &weighables[weight.of];
+        let weighable_of = |weight: &Weight| &weighables[weight.of];
         let (fillings, solids): (Vec<&Weight>, Vec<&Weight>) = weights.all.iter().partition(|weight| weight.is_filling);
         Parts {
             object: mass::object(&weights, &whole),
-            parts: solids.iter().flat_map(|weight| of(weight).parts(&weights, weight, options.bodies)).collect(),
-            fillings: fillings.iter().filter_map(|weight| of(weight).filling_part(&weights, weight)).collect(),
+            parts: solids
+                .iter()
+                .flat_map(|weight| weighable_of(weight).parts(&weights, weight, options.bodies))
+                .collect(),
+            fillings: fillings
+                .iter()
+                .filter_map(|weight| weighable_of(weight).filling_part(&weights, weight))
+                .collect(),
             known_mass,
             meters_per_unit: weights.uncertain_scale(),
             estimated_scale: scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|s| s.provenance.clone()),

@@ -24,7 +24,7 @@ pub fn meters_per_unit(
     let weigh = |meters: f64| {
         let constructions: Vec<Construction> = labels.iter().map(|label| construction(label, meters)).collect();
         let (composed, _) = compose(cells.clone(), &constructions, chords, wires, uncertainty);
-        let of = |(l, label): (usize, &FieldLabel)| {
+        let mass_of = |(l, label): (usize, &FieldLabel)| {
             let filling = match (&composed.hollows[l], &label.inside) {
                 (Some(hollow), Some(Contents::Filled(filled))) => {
                     hollow.volume.mid * filled.share.mid * filled.density_kg_m3.mid
@@ -33,7 +33,7 @@ pub fn meters_per_unit(
             };
             composed.volumes[l].mid * label.density_kg_m3.mid + filling
         };
-        labels.iter().enumerate().map(of).sum::<f64>() * meters.powi(3)
+        labels.iter().enumerate().map(mass_of).sum::<f64>() * meters.powi(3)
     };
     let mut meters = 1.0;
     for _ in 0..TRIALS {

@@ -122,25 +122,25 @@ fn widened(area: Area, narrowest: f64, width: u32) -> Area {
 pub fn middles(labels: &[Option<u32>], width: usize, count: usize) -> Vec<Option<(u32, u32)>> {
     let height = labels.len() / width.max(1);
     let mut depth = vec![0u32; labels.len()];
-    let at = |x: usize, y: usize| y * width + x;
+    let index_at = |x: usize, y: usize| y * width + x;
     // City-block distance to the next other label or to the picture's edge: forwards, then backwards.
     for y in 1..height.saturating_sub(1) {
         for x in 1..width - 1 {
-            let here = labels[at(x, y)];
+            let here = labels[index_at(x, y)];
             let near = |other: usize| if labels[other] == here { depth[other] } else { 0 };
-            depth[at(x, y)] = 1 + near(at(x - 1, y)).min(near(at(x, y - 1)));
+            depth[index_at(x, y)] = 1 + near(index_at(x - 1, y)).min(near(index_at(x, y - 1)));
         }
     }
     let mut best: Vec<Option<(u32, usize)>> = vec![None; count];
     for y in (1..height.saturating_sub(1)).rev() {
         for x in (1..width - 1).rev() {
-            let here = labels[at(x, y)];
+            let here = labels[index_at(x, y)];
             let near = |other: usize| if labels[other] == here { depth[other] } else { 0 };
-            let least = 1 + near(at(x + 1, y)).min(near(at(x, y + 1)));
-            depth[at(x, y)] = depth[at(x, y)].min(least);
+            let least = 1 + near(index_at(x + 1, y)).min(near(index_at(x, y + 1)));
+            depth[index_at(x, y)] = depth[index_at(x, y)].min(least);
             let Some(best) = here.and_then(|label| best.get_mut(label as usize)) else { continue };
-            if best.is_none_or(|(most, _)| depth[at(x, y)] >= most) {
-                *best = Some((depth[at(x, y)], at(x, y)));
+            if best.is_none_or(|(most, _)| depth[index_at(x, y)] >= most) {
+                *best = Some((depth[index_at(x, y)], index_at(x, y)));
             }
         }
     }

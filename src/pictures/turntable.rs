@@ -159,17 +159,19 @@ impl Layout {
 
     fn legend_width(&self) -> u32 {
         let width = self.cell().0;
-        match self.beside {
-            true => self.widest.min((LEGEND_SHARE * f64::from(width)) as u32),
-            false => width.saturating_sub(2 * self.margin()),
+        if self.beside {
+            self.widest.min((LEGEND_SHARE * f64::from(width)) as u32)
+        } else {
+            width.saturating_sub(2 * self.margin())
         }
     }
 
     fn picture(&self) -> Size {
         let (width, height) = self.cell();
-        let (beside, below) = match self.beside {
-            true => (self.margin() + self.legend_width(), 0),
-            false => (0, self.lines * self.line_height() + self.margin() / 2),
+        let (beside, below) = if self.beside {
+            (self.margin() + self.legend_width(), 0)
+        } else {
+            (0, self.lines * self.line_height() + self.margin() / 2)
         };
         let least = |length: u32| length.max(16);
         let side = |whole: u32, taken: u32| least(whole.saturating_sub(taken));

@@ -75,10 +75,12 @@ impl RunRecord {
         let standing: Vec<_> = record.standing(work);
         let changed: Vec<&Path> =
             standing.iter().filter_map(|(path, standing)| (*standing == Standing::Changed).then_some(*path)).collect();
-        match standing.iter().all(|(_, standing)| *standing == Standing::Whole) {
-            true => Left::Good(record),
-            false if changed.is_empty() => Left::Nothing,
-            false => Left::Changed(changed),
+        if standing.iter().all(|(_, standing)| *standing == Standing::Whole) {
+            Left::Good(record)
+        } else if changed.is_empty() {
+            Left::Nothing
+        } else {
+            Left::Changed(changed)
         }
     }
 

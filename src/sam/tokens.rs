@@ -100,13 +100,14 @@ fn attend<V: Vector>(
     let scale = 1.0 / (WIDTH as f32).sqrt();
     for head in 0..HEADS {
         for token in 0..count {
-            let at = |token: usize| token * CHANNELS + head * WIDTH;
+            let start_of = |token: usize| token * CHANNELS + head * WIDTH;
             let mut scores = [0.0; TOKENS];
             let mut most = f32::NEG_INFINITY;
             for other in 0..count {
                 let mut product = V::splat(0.0);
                 for i in (0..WIDTH).step_by(V::WIDTH) {
-                    product = V::load(&query[at(token) + i..]).mul_add(V::load(&key[at(other) + i..]), product);
+                    product =
+                        V::load(&query[start_of(token) + i..]).mul_add(V::load(&key[start_of(other) + i..]), product);
                 }
                 scores[other] = product.sum() * scale;
                 most = most.max(scores[other]);
@@ -119,9 +120,9 @@ fn attend<V: Vector>(
             for i in (0..WIDTH).step_by(V::WIDTH) {
                 let mut mean = V::splat(0.0);
                 for other in 0..count {
-                    mean = V::splat(scores[other] / sum).mul_add(V::load(&value[at(other) + i..]), mean);
+                    mean = V::splat(scores[other] / sum).mul_add(V::load(&value[start_of(other) + i..]), mean);
                 }
-                mean.store(&mut found[at(token) + i..]);
+                mean.store(&mut found[start_of(token) + i..]);
             }
         }
     }

@@ -60,11 +60,11 @@ mod tests {
     #[test]
     fn pixels_are_normalised_and_the_padding_is_zero() {
         let prepared = prepare(&RgbImage::from_pixel(4, 2, Rgb([255, 0, 128])));
-        let at = |channel: usize, x: usize, y: usize| prepared.input[(channel * MODEL_SIDE + y) * MODEL_SIDE + x];
+        let input_at = |channel: usize, x: usize, y: usize| prepared.input[(channel * MODEL_SIDE + y) * MODEL_SIDE + x];
         assert_eq!(prepared.scaled, (1024, 512));
         for (channel, value) in [255.0, 0.0, 128.0].into_iter().enumerate() {
-            assert_eq!(at(channel, 1023, 511), (value - MEAN[channel]) / DEVIATION[channel]);
-            assert_eq!(at(channel, 0, 512), 0.0);
+            assert_eq!(input_at(channel, 1023, 511), (value - MEAN[channel]) / DEVIATION[channel]);
+            assert_eq!(input_at(channel, 0, 512), 0.0);
         }
     }
 }

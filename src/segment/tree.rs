@@ -144,10 +144,10 @@ mod tests {
     }
 
     fn nested(small: &[(u32, u32)], large: &[(u32, u32)]) -> (LabelMap, Vec<Segment>) {
-        let of = |spans: &[(u32, u32)], level| spans.iter().map(|&span| candidate(span, level)).collect();
+        let candidates_of = |spans: &[(u32, u32)], level| spans.iter().map(|&span| candidate(span, level)).collect();
         let mut options = Options::default();
         options.generator.min_region_area = 0;
-        tree(&[of(small, Level::Small), of(large, Level::Large)], &columns(0, 90), &options)
+        tree(&[candidates_of(small, Level::Small), candidates_of(large, Level::Large)], &columns(0, 90), &options)
     }
 
     fn parents(segments: &[Segment]) -> Vec<u16> {
@@ -158,8 +158,11 @@ mod tests {
     fn a_segment_lies_in_the_smallest_one_around_it() {
         let (map, segments) = nested(&[(10, 30), (50, 60)], &[(0, 40), (5, 35)]);
         assert_eq!(parents(&segments), [0, 1, 2, 0]);
-        let at = |x: u32| map.at(x, 0);
-        assert_eq!([at(2), at(7), at(20), at(55), at(45), at(95)], [1, 2, 3, 4, 0, 0]);
+        let segment_at = |x: u32| map.at(x, 0);
+        assert_eq!(
+            [segment_at(2), segment_at(7), segment_at(20), segment_at(55), segment_at(45), segment_at(95)],
+            [1, 2, 3, 4, 0, 0]
+        );
         assert_eq!(segments[0].area, 400, "with what lies inside");
         assert_eq!((segments[1].bbox, segments[3].bbox), ([5, 0, 30, 10], [50, 0, 10, 10]));
         assert_eq!(segments[2].level, Level::Small);

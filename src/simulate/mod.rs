@@ -199,17 +199,18 @@ impl Failure {
             Self::TooFast { speed_m_s, t_s } => return SimulateError::TooFast { speed_m_s, t_s, frame },
         };
         let finite = position_m.iter().chain(&velocity_m_s).all(|v| v.is_finite());
-        let (what, cause) = match finite {
-            false => (
-                "became NaN or infinite",
-                "the time step is too long for its material; lower --cfl, or --fixed-step if it is given",
-            ),
-            true => (
+        let (what, cause) = if finite {
+            (
                 "left the domain",
                 "either the scenario takes it out of the domain, which extends eight times the longest side around the \
                  object (lower its speed or force, or --duration), or a time step that is too long for its material \
                  made it fly off (lower --cfl, or --fixed-step if it is given)",
-            ),
+            )
+        } else {
+            (
+                "became NaN or infinite",
+                "the time step is too long for its material; lower --cfl, or --fixed-step if it is given",
+            )
         };
         let origin = to_world.origin_m;
         let position_m = [0, 1, 2].map(|a| position_m[a] + origin[a] as f32);

@@ -275,11 +275,11 @@ impl Object {
 
     /// The state of its bodies: for each its motion, then the peak pressure on each of its faces.
     pub fn numbers(&self) -> Vec<f64> {
-        let of = |body: &Body| {
+        let numbers_of = |body: &Body| {
             let peaks: Vec<f64> = body.faces().iter().map(|face| face.peak_pressure_pa).collect();
             body.state().to_numbers().into_iter().chain(peaks)
         };
-        self.bodies.iter().flat_map(of).collect()
+        self.bodies.iter().flat_map(numbers_of).collect()
     }
 
     /// Gives its bodies a state from [`Self::numbers`]; false if the numbers do not fit these bodies, or take one of them out

@@ -375,7 +375,7 @@ fn particle(parcel: &Parcel, material: &Prepared, drop: &Drop, laws: &mut Vec<La
 /// The particles of every label in use; the first `carried` parcels are Gaussians.
 fn filled_report(input: &Input, filled: &Filled, carried: usize) -> Vec<FilledReport> {
     let used: BTreeSet<u32> = filled.parcels.iter().map(|p| p.label).collect();
-    let of = |label: u32| {
+    let report_of = |label: u32| {
         let material = &input.materials[label as usize];
         let count = |parcels: &[Parcel]| parcels.iter().filter(|p| p.label == label).count();
         FilledReport {
@@ -387,12 +387,12 @@ fn filled_report(input: &Input, filled: &Filled, carried: usize) -> Vec<FilledRe
             skin: filled.assumed_full.contains(&label),
         }
     };
-    used.into_iter().map(of).collect()
+    used.into_iter().map(report_of).collect()
 }
 
 /// The rigid parts, before they touched anything.
 fn rigid_report(input: &Input, choice: &Choice, load: &Load) -> Vec<RigidReport> {
-    let of = |(label, body): (usize, &Option<u32>)| {
+    let report_of = |(label, body): (usize, &Option<u32>)| {
         let material = &input.materials[label];
         Some(RigidReport {
             part_id: material.part_id,
@@ -407,7 +407,7 @@ fn rigid_report(input: &Input, choice: &Choice, load: &Load) -> Vec<RigidReport>
             dents: false,
         })
     };
-    choice.body_of.iter().enumerate().filter_map(of).collect()
+    choice.body_of.iter().enumerate().filter_map(report_of).collect()
 }
 
 fn softened_warning(softened: &Softened) -> String {

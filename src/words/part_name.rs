@@ -139,10 +139,10 @@ fn first_clause(text: &str) -> &str {
 fn noun_phrase<'a>(words: &mut impl Iterator<Item = &'a str>) -> (Vec<&'a str>, Option<&'a str>) {
     let mut phrase = Vec::new();
     for word in words {
-        match is_one_of(&ENDS, word) {
-            false => phrase.push(word),
-            true if phrase.is_empty() => {}
-            true => return (phrase, Some(word)),
+        if !is_one_of(&ENDS, word) {
+            phrase.push(word);
+        } else if !phrase.is_empty() {
+            return (phrase, Some(word));
         }
     }
     (phrase, None)

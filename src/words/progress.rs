@@ -381,19 +381,19 @@ mod tests {
     #[test]
     fn the_time_left_is_counted_down_between_steps_and_never_jumps_up_at_an_even_pace() {
         let begin = Instant::now();
-        let at = |seconds: f64| begin + Duration::from_secs_f64(seconds);
+        let instant_after = |seconds: f64| begin + Duration::from_secs_f64(seconds);
         let mut left = TimeLeft::default();
-        left.note(1, 10, Duration::from_secs(1), at(1.0));
-        assert_eq!(left.text(at(1.0)), "", "too early to say");
-        left.note(2, 10, Duration::from_secs(20), at(20.0));
-        assert_eq!(left.text(at(20.0)), " (about 80 s left)");
-        left.note(2, 10, Duration::from_secs(29), at(29.0));
-        assert_eq!(left.text(at(29.0)), " (about 70 s left)", "time passes also while a step lasts");
-        left.note(3, 10, Duration::from_secs(30), at(30.0));
-        assert_eq!(left.text(at(30.0)), " (about 70 s left)");
-        assert_eq!(left.text(at(99.0)), " (a few seconds left)");
-        left.note(20, 100, Duration::from_secs(200), at(200.0));
-        assert_eq!(left.text(at(200.0)), " (about 13 min left)");
+        left.note(1, 10, Duration::from_secs(1), instant_after(1.0));
+        assert_eq!(left.text(instant_after(1.0)), "", "too early to say");
+        left.note(2, 10, Duration::from_secs(20), instant_after(20.0));
+        assert_eq!(left.text(instant_after(20.0)), " (about 80 s left)");
+        left.note(2, 10, Duration::from_secs(29), instant_after(29.0));
+        assert_eq!(left.text(instant_after(29.0)), " (about 70 s left)", "time passes also while a step lasts");
+        left.note(3, 10, Duration::from_secs(30), instant_after(30.0));
+        assert_eq!(left.text(instant_after(30.0)), " (about 70 s left)");
+        assert_eq!(left.text(instant_after(99.0)), " (a few seconds left)");
+        left.note(20, 100, Duration::from_secs(200), instant_after(200.0));
+        assert_eq!(left.text(instant_after(200.0)), " (about 13 min left)");
     }
 
     #[test]

@@ -102,17 +102,18 @@ fn polygons(inside: [bool; 8]) -> Vec<Vec<[usize; 2]>> {
 
 /// Fills a polygon with triangles, none of whose sides lies on a face of the cube that the polygon does not follow.
 fn fill(mesh: &mut Mesh, ring: &[u32]) {
-    let at = |n: usize| mesh.vertices[ring[n] as usize];
+    let vertex_at = |n: usize| mesh.vertices[ring[n] as usize];
     match ring.len() {
         3 => mesh.triangles.push([ring[0], ring[1], ring[2]]),
         4 => {
-            let (one, other) = ((at(0) - at(2)).norm_squared(), (at(1) - at(3)).norm_squared());
+            let (one, other) =
+                ((vertex_at(0) - vertex_at(2)).norm_squared(), (vertex_at(1) - vertex_at(3)).norm_squared());
             let start = usize::from(other < one);
             let corner = |n: usize| ring[(start + n) % 4];
             mesh.triangles.extend([[corner(0), corner(1), corner(2)], [corner(0), corner(2), corner(3)]]);
         }
         length => {
-            let middle = (0..length).map(|n| at(n).coords).sum::<Vector3<f64>>() / length as f64;
+            let middle = (0..length).map(|n| vertex_at(n).coords).sum::<Vector3<f64>>() / length as f64;
             let hub = mesh.vertices.len() as u32;
             mesh.vertices.push(middle.into());
             mesh.triangles.extend((0..length).map(|n| [hub, ring[n], ring[(n + 1) % length]]));

@@ -175,10 +175,7 @@ impl Row<'_> {
 
     fn number_within(&self, column: &str, bounds: &RangeInclusive<f64>) -> Result<f64, LibraryError> {
         let number = self.number(column)?;
-        match bounds.contains(&number) {
-            true => Ok(number),
-            false => Err(self.bad(column, format!("must be {}", within(bounds)))),
-        }
+        if bounds.contains(&number) { Ok(number) } else { Err(self.bad(column, format!("must be {}", within(bounds)))) }
     }
 
     /// The range in the columns `name_low` and `name_high`, which must lie within `bounds`.

@@ -168,9 +168,9 @@ mod tests {
         let label = |i: usize| {
             let [x, y, z] = grid.coords(i);
             let is_within = |low: usize, high: usize| (low..high).contains(&x) && (low..high).contains(&y);
-            match (8..16).contains(&z) {
-                false if is_within(6, 10) => 0,
-                true if is_within(2, 14) => 1,
+            match ((8..16).contains(&z), is_within(2, 14), is_within(6, 10)) {
+                (true, true, _) => 1,
+                (false, _, true) => 0,
                 _ => NONE,
             }
         };

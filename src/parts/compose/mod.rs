@@ -105,9 +105,12 @@ pub fn compose(
     let (own, hollow) = contents.volumes();
     let mut enclosed = vec![0.0; constructions.len()];
     cells.label.iter().filter(|label| **label != NONE).for_each(|&l| enclosed[l as usize] += cells.grid.cell_volume());
-    let volume = |l: usize| match is_solid[l] {
-        true => Volume::of(own[l], slacks[l], SOLID_SPREAD),
-        false => Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l]),
+    let volume = |l: usize| {
+        if is_solid[l] {
+            Volume::of(own[l], slacks[l], SOLID_SPREAD)
+        } else {
+            Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l])
+        }
     };
     let mut volumes: Vec<Volume> = (0..constructions.len()).map(volume).collect();
     for core in (0..volumes.len()).filter(|&l| is_solid[l]) {

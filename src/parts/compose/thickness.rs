@@ -52,16 +52,16 @@ pub fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
     let label = cells.label[surface.cells[s] as usize];
     let step = cells.grid.cell / STEPS_PER_CELL;
     let along = |steps: usize| -> Point3<f64> { start + inward * (steps as f64 * step) };
-    let at = |steps: usize| cells.grid.cell_at(along(steps));
+    let cell_after = |steps: usize| cells.grid.cell_at(along(steps));
     // The surface is up to a cell and a half away from the border of the cells, so the ray may start outside.
-    let entry = (0..=8).find(|&n| at(n).is_some_and(|i| cells.label[i] == label))?;
+    let entry = (0..=8).find(|&n| cell_after(n).is_some_and(|i| cells.label[i] == label))?;
     let mut end = entry;
-    let mut last = at(entry)?;
-    while let Some(cell) = at(end + 1).filter(|&i| cells.label[i] == label) {
+    let mut last = cell_after(entry)?;
+    while let Some(cell) = cell_after(end + 1).filter(|&i| cells.label[i] == label) {
         last = cell;
         end += 1;
     }
-    let leaves_object = at(end + 1).is_none_or(|i| cells.label[i] == NONE);
+    let leaves_object = cell_after(end + 1).is_none_or(|i| cells.label[i] == NONE);
     let exit = leaves_object.then_some(surface.nearest[last]);
     let seen = exit.is_some_and(|exit| cells.seen[exit as usize]);
     let length = (end as f64 + 0.5) * step;
@@ -72,7 +72,7 @@ pub fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
 fn quartiles(mut chords: Vec<(f64, f64)>) -> Option<Estimate> {
     chords.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = chords.iter().map(|(_, area)| area).sum();
-    let at = |share: f64| {
+    let quantile = |share: f64| {
         let mut sum = 0.0;
         let reached = |(_, area): &&(f64, f64)| {
             sum += area;
@@ -80,5 +80,5 @@ fn quartiles(mut chords: Vec<(f64, f64)>) -> Option<Estimate> {
         };
         chords.iter().find(reached).map(|(length, _)| *length)
     };
-    Some(Estimate::new(at(0.25)?, at(0.5)?, at(0.75)?))
+    Some(Estimate::new(quantile(0.25)?, quantile(0.5)?, quantile(0.75)?))
 }

@@ -64,9 +64,10 @@ impl Volume {
             let gained: f64 = walls.clone().map(|wall| wall.mid * (end(&wall.wall).exp() - 1.0)).sum();
             (1.0 - gained / self.mid).clamp(1.0 / FARTHEST, FARTHEST).ln()
         };
-        match self.mid > 0.0 && walls.clone().next().is_some() {
-            true => Self { wall: Effect { low: rest(|wall| wall.low), high: rest(|wall| wall.high) }, ..self },
-            false => self,
+        if self.mid > 0.0 && walls.clone().next().is_some() {
+            Self { wall: Effect { low: rest(|wall| wall.low), high: rest(|wall| wall.high) }, ..self }
+        } else {
+            self
         }
     }
 

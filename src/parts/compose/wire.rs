@@ -200,8 +200,8 @@ impl Circle {
         }
         let mut lengths: Vec<f64> = widths.iter().map(|width| width.length).collect();
         lengths.sort_by(f64::total_cmp);
-        let at = |share: f64| lengths[(share * (lengths.len() - 1) as f64).round() as usize];
-        let [low, diameter, high] = [0.25, 0.5, 0.75].map(at);
+        let quantile = |share: f64| lengths[(share * (lengths.len() - 1) as f64).round() as usize];
+        let [low, diameter, high] = [0.25, 0.5, 0.75].map(quantile);
         if high > ROUND * low {
             return None;
         }

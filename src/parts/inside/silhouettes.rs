@@ -93,9 +93,9 @@ impl Silhouette<'_> {
         }
         let (left, top) = (x.floor() as u32, y.floor() as u32);
         let (right, below) = (x.fract(), y.fract());
-        let at = |dx: u32, dy: u32| f64::from(self.coverage.get_pixel(left + dx, top + dy).0[0]) / 255.0;
-        let upper = at(0, 0) * (1.0 - right) + at(1, 0) * right;
-        let lower = at(0, 1) * (1.0 - right) + at(1, 1) * right;
+        let coverage_at = |dx: u32, dy: u32| f64::from(self.coverage.get_pixel(left + dx, top + dy).0[0]) / 255.0;
+        let upper = coverage_at(0, 0) * (1.0 - right) + coverage_at(1, 0) * right;
+        let lower = coverage_at(0, 1) * (1.0 - right) + coverage_at(1, 1) * right;
         Some(upper * (1.0 - below) + lower * below)
     }
 }

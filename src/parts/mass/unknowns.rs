@@ -102,10 +102,7 @@ impl Effect {
     /// The slope at `z`; next to the middle, that of the side on which the quantity rises (or falls), or 0 if it does so on
     /// neither.
     fn slope_towards(self, z: f64, raises: bool) -> f64 {
-        match z.abs() > AT_MIDDLE {
-            true => self.slope(z > 0.0),
-            false => self.side(raises).map_or(0.0, |above| self.slope(above)),
-        }
+        if z.abs() > AT_MIDDLE { self.slope(z > 0.0) } else { self.side(raises).map_or(0.0, |above| self.slope(above)) }
     }
 }
 
@@ -255,7 +252,7 @@ impl Belief {
         let mut sources: Vec<Source> = sum.effects.iter().map(|(unknown, _)| unknowns.source(*unknown)).collect();
         sources.sort_unstable();
         sources.dedup();
-        let of = |source: Source| {
+        let caused_by = |source: Source| {
             let own = sum.effects.iter().filter(|(unknown, _)| unknowns.source(*unknown) == source);
             let mut alone = self.clone();
             for (unknown, effect) in alone.reading.iter_mut().flat_map(|reading| reading.effects.iter_mut().enumerate())
@@ -266,7 +263,7 @@ impl Belief {
             }
             (source, alone.around(sum.mid, &own.copied().collect::<Vec<_>>()))
         };
-        sources.into_iter().map(of).filter(|(_, estimate)| estimate.low < estimate.high).collect()
+        sources.into_iter().map(caused_by).filter(|(_, estimate)| estimate.low < estimate.high).collect()
     }
 
     fn around(&self, mid: f64, effects: &[(usize, Effect)]) -> Estimate {
@@ -350,7 +347,7 @@ impl Posterior<'_> {
     /// The best of the places that halve the way from `z`, whose misfit is `start`, to `goal` again and again, and its misfit.
     /// Once one is better than `z`, the first that is no improvement ends the search.
     fn best_on_the_way(&self, z: &[f64], start: f64, goal: &[f64]) -> (Vec<f64>, f64) {
-        let at = |halvings: i32| {
+        let place_after = |halvings: i32| {
             let share = 0.5f64.powi(halvings);
             // Beyond the middle, the slope is another one.
             let stepped = |(z, goal): (&f64, &f64)| match z + share * (goal - z) {
@@ -361,9 +358,9 @@ impl Posterior<'_> {
             let misfit = self.misfit(&place);
             (place, misfit)
         };
-        let mut best = at(0);
+        let mut best = place_after(0);
         for halvings in 1..PLACES {
-            let next = at(halvings);
+            let next = place_after(halvings);
             if next.1 < best.1 {
                 best = next;
             } else if best.1 < start {
@@ -441,11 +438,11 @@ fn summed(quantities: &[Quantity], z: &[f64]) -> Quantity {
     used.sort_unstable();
     used.dedup();
     let moved = |unknown: usize, end: fn(&Effect) -> f64| {
-        let of = |quantity: &Quantity| {
+        let moved_quantity = |quantity: &Quantity| {
             let change: f64 = quantity.effects.iter().filter(|(own, _)| *own == unknown).map(|(_, e)| end(e)).sum();
             quantity.mid * (quantity.log_factor(z) + change).exp()
         };
-        (quantities.iter().map(of).sum::<f64>() / mid).ln()
+        (quantities.iter().map(moved_quantity).sum::<f64>() / mid).ln()
     };
     let effect = |unknown| (unknown, Effect { low: moved(unknown, |e| e.low), high: moved(unknown, |e| e.high) });
     Quantity { mid, effects: if mid > 0.0 { used.into_iter().map(effect).collect() } else { Vec::new() } }
@@ -558,11 +555,11 @@ mod tests {
     /// unknown that the reading hardly moves.
     #[test]
     fn the_sum_is_as_certain_as_the_reading_whatever_else_is_not() {
-        let of = |power: f64, own| Quantity {
+        let mass_of = |power: f64, own| Quantity {
             mid: 1.0,
             effects: vec![(0, symmetric(7.0 * power)), (own, Effect { low: -0.1, high: 0.8 })],
         };
-        let masses = [of(3.0, 1), of(2.0, 2)];
+        let masses = [mass_of(3.0, 1), mass_of(2.0, 2)];
         for reading in [2.0, 1.5, 3.0] {
             let belief = Belief::after(&unknowns(3), &masses, reading, 0.01);
             let sum = belief.of_sum(&masses);
@@ -597,7 +594,7 @@ mod tests {
     /// A wall whose bound is nearer than where the reading would have it.
     #[test]
     fn a_reading_is_reached_although_an_unknown_meets_its_bound_on_the_way() {
-        let of = |mid, effects: &[(usize, f64, f64)]| Quantity {
+        let mass_of = |mid, effects: &[(usize, f64, f64)]| Quantity {
             mid,
             effects: effects.iter().map(|&(unknown, low, high)| (unknown, Effect { low, high })).collect(),
         };
@@ -610,7 +607,7 @@ mod tests {
             (4, -0.973_113_16, 0.690_434_97),
             (5, -0.020_202_71, 0.019_802_63),
         ];
-        let masses = [of(0.008_456_15, &wall), of(0.003_653_95, &filling)];
+        let masses = [mass_of(0.008_456_15, &wall), mass_of(0.003_653_95, &filling)];
         let mut unknowns = unknowns(6);
         unknowns.bounds[1] = [-1.124_884_16, 2.846_750_4];
         unknowns.bounds[4][1] = 1.156_525_11;
@@ -644,9 +641,9 @@ mod tests {
         let wall = Quantity { mid: 1.0, effects: vec![(0, symmetric(0.2))] };
         let filling = Quantity { mid: 1.0, effects: vec![(0, Effect { low: 0.2, high: -0.25 }), (1, symmetric(1.0))] };
         let [least, most] = extremes(&unknowns(2), &[wall, filling]);
-        let at = |wall: f64, filling: f64| wall.exp() + filling.exp();
-        assert!((least - at(-0.2, 0.2 - 1.0)).abs() < 1e-12, "{least}");
-        assert!((most - at(-0.2, 0.2 + 1.0)).abs() < 1e-12, "{most}");
+        let sum_at = |wall: f64, filling: f64| wall.exp() + filling.exp();
+        assert!((least - sum_at(-0.2, 0.2 - 1.0)).abs() < 1e-12, "{least}");
+        assert!((most - sum_at(-0.2, 0.2 + 1.0)).abs() < 1e-12, "{most}");
     }
 
     #[test]

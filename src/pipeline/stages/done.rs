@@ -76,7 +76,7 @@ pub struct Output {
 impl StageRecord {
     /// Its files, and for each whether it is still as written.
     pub fn standing(&self, work: &WorkDir) -> Vec<(&Path, Standing)> {
-        let of = |output: &Output| work.standing(&output.path, &output.checksum);
-        self.outputs.par_iter().map(|output| (output.path.as_path(), of(output))).collect()
+        let standing_of = |output: &Output| work.standing(&output.path, &output.checksum);
+        self.outputs.par_iter().map(|output| (output.path.as_path(), standing_of(output))).collect()
     }
 }

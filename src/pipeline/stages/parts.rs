@@ -163,14 +163,14 @@ mod tests {
             range: Some(Range::new(0.1176, 0.1224)),
         };
         let (one, center, inertia) = (Estimate::exactly(1.0), [0.0; 3], [[0.0; 3]; 3]);
-        let with = |meters_per_unit: Estimate| -> Parts {
+        let parts_at = |meters_per_unit: Estimate| -> Parts {
             let object = json!({
                 "volume_m3": one, "mass_kg": one, "center_of_mass_m": center, "inertia_kg_m2": inertia,
             });
             let parts = json!({ "object": object, "parts": [], "meters_per_unit": meters_per_unit, "warnings": [] });
             serde_json::from_value(parts).unwrap()
         };
-        let after = |scale| scale_after_weighing(Some(known.clone()), Some(&with(scale))).unwrap();
+        let after = |scale| scale_after_weighing(Some(known.clone()), Some(&parts_at(scale))).unwrap();
         let corrected = after(Estimate::new(0.117, 0.118, 0.119));
         let provenance = format!("{}, corrected by the known mass", known.provenance);
         assert_eq!((corrected.meters_per_unit, corrected.provenance), (0.118, provenance));

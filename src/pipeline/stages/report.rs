@@ -153,9 +153,10 @@ fn as_typed_in<'a>(folder: &Path, flag: &'a str, known: &[Flag]) -> Cow<'a, str>
     let Some((name, value)) = flag.strip_prefix("--").and_then(|words| words.split_once('=')) else {
         return flag.into();
     };
-    match known.iter().any(|known| known.name == name && known.is_path(value)) {
-        true => format!("--{name}={}", config::portable(Path::new(value), folder).display()).into(),
-        false => flag.into(),
+    if known.iter().any(|known| known.name == name && known.is_path(value)) {
+        format!("--{name}={}", config::portable(Path::new(value), folder).display()).into()
+    } else {
+        flag.into()
     }
 }
 

@@ -121,9 +121,8 @@ impl Client {
     /// The text of a file that the server holds.
     pub fn file(&self, id: &str) -> Result<String, AskError> {
         let url = self.url(&["files", id, "content"]);
-        let text = |received: &Received| match received.status.is_success() {
-            true => Ok(received.body.clone()),
-            false => Err(failure(received)),
+        let text = |received: &Received| {
+            if received.status.is_success() { Ok(received.body.clone()) } else { Err(failure(received)) }
         };
         let request = |http: &reqwest::Client| http.get(url.clone()).timeout(TRANSFER_TIMEOUT);
         self.exchange(self.retries(), MAX_FILE_BYTES, request, text)

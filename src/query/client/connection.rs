@@ -33,9 +33,10 @@ impl Route {
             return self.unconnected(error);
         }
         let cause = innermost(error);
-        let message = match error.is_timeout() {
-            true => format!("no response in time ({cause}); raise --lmm-timeout-s to wait longer"),
-            false => format!("the connection failed: {cause}"),
+        let message = if error.is_timeout() {
+            format!("no response in time ({cause}); raise --lmm-timeout-s to wait longer")
+        } else {
+            format!("the connection failed: {cause}")
         };
         Attempt::Passing { message, retry_after: None }
     }
@@ -45,9 +46,10 @@ impl Route {
             let message = format!("cannot connect to {}: {}", self.host, self.without_tls(error));
             return Attempt::Final(AskError::Fatal(message));
         }
-        let what = match error.is_timeout() {
-            true => "no connection in time; is the address right, and does a firewall let it through?".to_owned(),
-            false => self.unreachable(error),
+        let what = if error.is_timeout() {
+            "no connection in time; is the address right, and does a firewall let it through?".to_owned()
+        } else {
+            self.unreachable(error)
         };
         let message = match &self.proxy {
             None => format!("cannot connect to {}: {what}", self.host),

@@ -39,8 +39,8 @@ pub struct FormMaterial<'a> {
 /// The page, with the names of fillings to choose from. What it embeds is escaped by the template engine, so that no text
 /// can end the script or an element.
 pub fn page(queries: &[FormQuery], texts: &[FormText], materials: &[FormMaterial], fillings: &[&str]) -> String {
-    let own = |text: &str| minijinja::Value::from_safe_string(text.to_owned());
-    let (style, script) = (own(include_str!("form.css")), own(include_str!("form.js")));
+    let unescaped = |text: &str| minijinja::Value::from_safe_string(text.to_owned());
+    let (style, script) = (unescaped(include_str!("form.css")), unescaped(include_str!("form.js")));
     let data = context! {
         queries => Serde(queries),
         texts => Serde(texts),

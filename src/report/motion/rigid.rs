@@ -46,12 +46,12 @@ fn distance(motion: &Isometry3<f64>, from: Point3<f64>, to: Point3<f64>) -> f64 
 
 /// The rigid motion that most of `members` follow.
 fn fitted(from: &[Point3<f64>], to: &[Point3<f64>], members: &[usize]) -> Isometry3<f64> {
-    let of = |members: &[usize]| numeric::rigid_motion(members.iter().map(|&i| (from[i], to[i])));
-    let first = of(members);
+    let motion_of = |members: &[usize]| numeric::rigid_motion(members.iter().map(|&i| (from[i], to[i])));
+    let first = motion_of(members);
     let mut by_distance: Vec<(f64, usize)> = members.iter().map(|&i| (distance(&first, from[i], to[i]), i)).collect();
     by_distance.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
     let best: Vec<usize> = by_distance.iter().take(members.len().div_ceil(2)).map(|&(_, i)| i).collect();
-    of(&best)
+    motion_of(&best)
 }
 
 #[cfg(test)]

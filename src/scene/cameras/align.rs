@@ -107,10 +107,10 @@ impl SignedPermutation {
     }
 
     fn matrix(&self) -> Matrix3<f64> {
-        Matrix3::from_fn(|row, column| match self.from[row] == column {
-            true if self.negative[row] => -1.0,
-            true => 1.0,
-            false => 0.0,
+        Matrix3::from_fn(|row, column| match (self.from[row] == column, self.negative[row]) {
+            (true, true) => -1.0,
+            (true, false) => 1.0,
+            (false, _) => 0.0,
         })
     }
 
@@ -274,9 +274,10 @@ impl FromStr for Conversion {
             }
             given.push(changed);
         }
-        match conversion.is_proper() {
-            true => Ok(conversion),
-            false => Err("it mirrors the pictures: flip one more or one fewer of the camera's axes".to_owned()),
+        if conversion.is_proper() {
+            Ok(conversion)
+        } else {
+            Err("it mirrors the pictures: flip one more or one fewer of the camera's axes".to_owned())
         }
     }
 }

@@ -121,15 +121,9 @@ impl Declared {
 }
 
 pub(super) fn positive(name: &'static str, value: f64) -> Result<f64, FrameProblem> {
-    match value.is_finite() && value > 0.0 {
-        true => Ok(value),
-        false => Err(FrameProblem::Number { name, value, positive: true }),
-    }
+    if value.is_finite() && value > 0.0 { Ok(value) } else { Err(FrameProblem::Number { name, value, positive: true }) }
 }
 
 pub(super) fn finite(name: &'static str, value: f64) -> Result<f64, FrameProblem> {
-    match value.is_finite() {
-        true => Ok(value),
-        false => Err(FrameProblem::Number { name, value, positive: false }),
-    }
+    if value.is_finite() { Ok(value) } else { Err(FrameProblem::Number { name, value, positive: false }) }
 }

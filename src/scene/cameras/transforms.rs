@@ -200,8 +200,9 @@ impl Lens {
 
 /// Checks that the angle is one that a flat picture can show.
 fn field_of_view(name: &'static str, angle: f64) -> Result<Focal, FrameProblem> {
-    match positive(name, angle)? < std::f64::consts::PI {
-        true => Ok(Focal::Angle(angle)),
-        false => Err(FrameProblem::Number { name, value: angle, positive: true }),
+    if positive(name, angle)? < std::f64::consts::PI {
+        Ok(Focal::Angle(angle))
+    } else {
+        Err(FrameProblem::Number { name, value: angle, positive: true })
     }
 }

@@ -29,13 +29,10 @@ impl Scene {
     /// # Errors
     /// [`SceneError::UnknownView`] if a listed name is not the name of a view; an error if a photo cannot be decoded.
     pub fn chosen_views(&self, options: &Options) -> Result<Vec<View>, SceneError> {
-        let mut indices = match options.view_list.is_empty() {
-            true => self.spread_indices(options.views.get())?,
-            false => options
-                .view_list
-                .iter()
-                .map(|name| view_names::index_of(&self.views, name))
-                .collect::<Result<_, _>>()?,
+        let mut indices = if options.view_list.is_empty() {
+            self.spread_indices(options.views.get())?
+        } else {
+            options.view_list.iter().map(|name| view_names::index_of(&self.views, name)).collect::<Result<_, _>>()?
         };
         indices.sort_unstable();
         indices.dedup();

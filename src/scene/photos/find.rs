@@ -180,9 +180,10 @@ fn held(folder: &Path, places: &Places, listings: &mut Listings) -> Held {
         return Held { folder: folder.to_owned(), pictures: Vec::new(), count: 0, may_be_listed: false };
     }
     let listing = listings.of(folder);
-    let pictures: Vec<&str> = match places.is_for_photos(folder) {
-        true => listing.files().iter().map(String::as_str).collect(),
-        false => listing.direct().collect(),
+    let pictures: Vec<&str> = if places.is_for_photos(folder) {
+        listing.files().iter().map(String::as_str).collect()
+    } else {
+        listing.direct().collect()
     };
     let named = pictures.iter().take(MOST_NAMED / 2).map(|name| (*name).to_owned());
     Held { folder: folder.to_owned(), pictures: named.collect(), count: pictures.len(), may_be_listed: true }

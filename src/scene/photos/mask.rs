@@ -44,9 +44,10 @@ impl Mask {
         let share = |pixel: &Rgb<u8>| self.color.share(pixel.0, stored.is_lossy);
         let (width, height) = found;
         let mask = GrayImage::from_fn(width, height, |x, y| Luma([share(stored.colors.get_pixel(x, y))]));
-        Ok(match found == photo {
-            true => mask,
-            false => image::imageops::resize(&mask, photo.0, photo.1, image::imageops::FilterType::Triangle),
+        Ok(if found == photo {
+            mask
+        } else {
+            image::imageops::resize(&mask, photo.0, photo.1, image::imageops::FilterType::Triangle)
         })
     }
 }

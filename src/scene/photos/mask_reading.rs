@@ -391,9 +391,10 @@ fn hidden(
         color: color.to_string(),
         colors: MaskColor::Colors(colors.into_iter().take(MOST_COLORS_NAMED).collect()).to_string(),
     };
-    match masked.len() == views.len() {
-        true => Err(SceneError::MasksHideAll(Box::new(nothing))),
-        false => Ok(Some(nothing.to_string())),
+    if masked.len() == views.len() {
+        Err(SceneError::MasksHideAll(Box::new(nothing)))
+    } else {
+        Ok(Some(nothing.to_string()))
     }
 }
 

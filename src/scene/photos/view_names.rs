@@ -10,9 +10,10 @@ use crate::scene::{SceneError, View};
 pub(in crate::scene) fn of(files: &[String]) -> Vec<String> {
     let short: Vec<String> = files.iter().map(|file| safe(stem(file))).collect();
     let distinct: HashSet<String> = short.iter().map(|name| name.to_lowercase()).collect();
-    let names = match distinct.len() == short.len() {
-        true => short,
-        false => files.iter().map(|file| safe(without_extension(file))).collect(),
+    let names = if distinct.len() == short.len() {
+        short
+    } else {
+        files.iter().map(|file| safe(without_extension(file))).collect()
     };
     let mut taken = Taken::default();
     names.into_iter().map(|name| taken.numbered(name)).collect()

@@ -44,10 +44,12 @@ pub fn import_view(folder: &Path, view: &str, size: (u32, u32), level: Level) ->
     };
     let map = map.map_err(|problem| ImportError::Map { path: path.clone(), problem })?;
     let found = (map.width, map.height);
-    let map = match found == size {
-        true => map,
-        false if is_scaled_down(found, size) => map.resized(size.0, size.1),
-        false => return Err(ImportError::Size { path, expected: size, found }),
+    let map = if found == size {
+        map
+    } else if is_scaled_down(found, size) {
+        map.resized(size.0, size.1)
+    } else {
+        return Err(ImportError::Size { path, expected: size, found });
     };
     let count = map.labels.iter().copied().max().unwrap_or(0);
     let segments = segment_list(&map, &vec![(1.0, 1.0); usize::from(count)], level);

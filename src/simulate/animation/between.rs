@@ -98,10 +98,12 @@ fn between([from, to]: [&Gaussians; 2], simulated: &[bool], around: [Option<Poin
         }
         let (a, b) = (from.rotation(i), back * to.rotation(i));
         let scales = [from.log_scales[i], to.log_scales[i]];
-        let (own, scales) = match a.coords.dot(&b.coords).abs() > ALIKE {
-            true => (a.slerp(&b, share.into()), std::array::from_fn(|c| mix(scales[0][c], scales[1][c]))),
-            false if share < 0.5 => (a, scales[0]),
-            false => (b, scales[1]),
+        let (own, scales) = if a.coords.dot(&b.coords).abs() > ALIKE {
+            (a.slerp(&b, share.into()), std::array::from_fn(|c| mix(scales[0][c], scales[1][c])))
+        } else if share < 0.5 {
+            (a, scales[0])
+        } else {
+            (b, scales[1])
         };
         let q = turned * own;
         ([q.w, q.i, q.j, q.k].map(|c| c as f32), scales)

@@ -245,11 +245,11 @@ impl<'a> Shooting<'a> {
     /// A few pictures of the film, spread evenly.
     fn samples<E>(&self, load: &mut dyn FnMut(usize) -> Result<Gaussians, E>) -> Result<Vec<RgbImage>, E> {
         let frames = self.report.frames.len();
-        let of = |n: usize| n * (self.count - 1) / (GIF_SAMPLES - 1);
+        let index_of = |n: usize| n * (self.count - 1) / (GIF_SAMPLES - 1);
         (0..GIF_SAMPLES)
             .map(|n| {
-                let frame = (self.frame_at(of(n)).round() as usize).min(frames - 1);
-                Ok(self.picture(of(n), &load(frame)?, &mut None))
+                let frame = (self.frame_at(index_of(n)).round() as usize).min(frames - 1);
+                Ok(self.picture(index_of(n), &load(frame)?, &mut None))
             })
             .collect()
     }

@@ -101,14 +101,16 @@ impl Energy {
 
     /// The product of the quadratic form's matrix and `x`.
     fn times(&self, x: &[f64]) -> Vec<f64> {
-        let at = |values: &[f64], n: u32| if n == NONE { 0.0 } else { values[n as usize] };
+        let value_at = |values: &[f64], n: u32| if n == NONE { 0.0 } else { values[n as usize] };
         let mut result = vec![0.0; x.len()];
         for axis in 0..3 {
             let pairs = || self.neighbours.iter().map(move |n| &n[axis]);
-            let second: Vec<f64> =
-                pairs().zip(x).map(|(pair, x_own)| own(pair) * x_own + at(x, pair[0]) + at(x, pair[1])).collect();
+            let second: Vec<f64> = pairs()
+                .zip(x)
+                .map(|(pair, x_own)| own(pair) * x_own + value_at(x, pair[0]) + value_at(x, pair[1]))
+                .collect();
             for ((result, pair), s) in result.iter_mut().zip(pairs()).zip(&second) {
-                *result += own(pair) * s + at(&second, pair[0]) + at(&second, pair[1]);
+                *result += own(pair) * s + value_at(&second, pair[0]) + value_at(&second, pair[1]);
             }
         }
         result

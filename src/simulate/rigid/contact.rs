@@ -199,9 +199,9 @@ impl Ground {
     /// `fallen_m_s` to the speed towards the ground.
     fn note_pressures(&self, body: &mut Body, touches: &[Touch], fallen_m_s: f64, dt_s: f64) {
         for at in 0..body.faces.len() {
-            let own = || touches.iter().filter(|touch| touch.face == at && touch.impulse.x > 0.0);
-            let impulse: f64 = own().map(|touch| touch.impulse.x).sum();
-            let fastest = own().max_by(|a, b| a.approach_m_s.total_cmp(&b.approach_m_s));
+            let pressing = || touches.iter().filter(|touch| touch.face == at && touch.impulse.x > 0.0);
+            let impulse: f64 = pressing().map(|touch| touch.impulse.x).sum();
+            let fastest = pressing().max_by(|a, b| a.approach_m_s.total_cmp(&b.approach_m_s));
             let Some(fastest) = fastest.filter(|touch| touch.approach_m_s > 0.0) else { continue };
             let (approach, added) = (fastest.approach_m_s, fallen_m_s + fastest.loaded_m_s);
             let patch: Vec<[f64; 2]> = touches

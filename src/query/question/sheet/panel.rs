@@ -120,12 +120,12 @@ fn scaled_mask(mask: &GrayImage, size: (u32, u32)) -> GrayImage {
         return scaled;
     }
     let (width, height) = fitted(mask.dimensions(), size);
-    let at = |pixel: u32, of: u32, to: u32, room: u32| {
+    let in_panel = |pixel: u32, of: u32, to: u32, room: u32| {
         (room - to) / 2 + (u64::from(pixel) * u64::from(to) / u64::from(of)) as u32
     };
     let mut touched = GrayImage::new(size.0, size.1);
     for (x, y, _) in mask.enumerate_pixels().filter(|(.., coverage)| is_inside(coverage)) {
-        let (x, y) = (at(x, mask.width(), width, size.0), at(y, mask.height(), height, size.1));
+        let (x, y) = (in_panel(x, mask.width(), width, size.0), in_panel(y, mask.height(), height, size.1));
         touched.put_pixel(x, y, Luma([255]));
     }
     touched

@@ -104,9 +104,10 @@ pub(super) fn points_file(folder: &Path) -> Option<PathBuf> {
 
 /// The finite 3D points in the file at `path`.
 pub(in crate::scene) fn read_points(path: &Path) -> Result<Vec<Point3<f64>>, SceneError> {
-    let points = match path.extension().is_some_and(|end| end == "bin") {
-        true => parse_points_binary(&bytes_of(path)?),
-        false => parse_points_text(&String::from_utf8_lossy(&text_of(path)?)),
+    let points = if path.extension().is_some_and(|end| end == "bin") {
+        parse_points_binary(&bytes_of(path)?)
+    } else {
+        parse_points_text(&String::from_utf8_lossy(&text_of(path)?))
     };
     let mut points = points.map_err(|problem| SceneError::Colmap { path: path.to_owned(), problem })?;
     points.retain(|point| point.iter().all(|value| value.is_finite()));
@@ -158,13 +159,12 @@ pub(super) fn read(folder: &Path) -> Result<(Capture, Vec<PathBuf>), SceneError>
     let binary = cameras_at.extension().is_some_and(|end| end == "bin");
     let content_of = if binary { bytes_of } else { text_of };
     let (cameras, images) = (content_of(&cameras_at)?, content_of(&images_at)?);
-    let cameras = match binary {
-        true => parse_cameras_binary(&cameras),
-        false => parse_cameras_text(&String::from_utf8_lossy(&cameras)),
-    };
-    let images = match binary {
-        true => parse_images_binary(&images).map(|images| text::Listed { images, without_points: 0 }),
-        false => text::images(&String::from_utf8_lossy(&images)),
+    let cameras =
+        if binary { parse_cameras_binary(&cameras) } else { parse_cameras_text(&String::from_utf8_lossy(&cameras)) };
+    let images = if binary {
+        parse_images_binary(&images).map(|images| text::Listed { images, without_points: 0 })
+    } else {
+        text::images(&String::from_utf8_lossy(&images))
     };
     let cameras = cameras.map_err(in_file(&cameras_at))?;
     let text::Listed { images, without_points } = images.map_err(in_file(&images_at))?;

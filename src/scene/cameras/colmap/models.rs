@@ -108,8 +108,5 @@ fn distortion(model: &str, lens: &[f64]) -> Option<Distortion> {
         },
         _ => return None,
     };
-    Some(match model.ends_with("FISHEYE") {
-        true => Distortion::Fisheye(polynomial),
-        false => Distortion::perspective(polynomial),
-    })
+    Some(if model.ends_with("FISHEYE") { Distortion::Fisheye(polynomial) } else { Distortion::perspective(polynomial) })
 }

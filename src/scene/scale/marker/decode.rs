@@ -106,15 +106,16 @@ impl Cells {
         let (ring, border) = (self.frame(0), self.frame(1));
         let (white, black) = (self.plane(&ring)?, self.plane(&border)?);
         let middle = 0.5 * (white + black);
-        let at = |plane: &Vector3<f64>, (row, column): (usize, usize)| {
+        let level_at = |plane: &Vector3<f64>, (row, column): (usize, usize)| {
             plane.dot(&Vector3::new(row as f64, column as f64, 1.0))
         };
         let center = (self.count / 2, self.count / 2);
         let share = |frame: &[(usize, usize)], is_white: bool| {
-            let sound = frame.iter().filter(|cell| (self.at(cell.0, cell.1) > at(&middle, **cell)) == is_white).count();
+            let sound =
+                frame.iter().filter(|cell| (self.at(cell.0, cell.1) > level_at(&middle, **cell)) == is_white).count();
             sound as f64 / frame.len() as f64
         };
-        let has_contrast = at(&white, center) - at(&black, center) >= LEAST_CONTRAST;
+        let has_contrast = level_at(&white, center) - level_at(&black, center) >= LEAST_CONTRAST;
         (has_contrast && share(&ring, true) >= sound && share(&border, false) >= sound).then_some(middle)
     }
 

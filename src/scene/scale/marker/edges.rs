@@ -144,8 +144,8 @@ fn edge(across: &Across, reach_cells: f64, plane: &Plane, lens: &Lens) -> Option
     if scatter > MOST_SCATTER_CELLS * cell.max(1.0) {
         return None;
     }
-    let at = |share: f64| a + (share + 0.5) * length * along + (line.0 + line.1 * share) * outward;
-    Some((Line { through: at(0.0), along: at(0.5) - at(-0.5) }, sharpness))
+    let point_at = |share: f64| a + (share + 0.5) * length * along + (line.0 + line.1 * share) * outward;
+    Some((Line { through: point_at(0.0), along: point_at(0.5) - point_at(-0.5) }, sharpness))
 }
 
 /// The picture across an edge.

@@ -293,9 +293,10 @@ fn check_is_splat(properties: &[(&str, Scalar)]) -> Result<u8, Problem> {
         REQUIRED.iter().map(|r| r.0).filter(|name| !has.contains_key(name) && !optional(name)).collect();
     if !missing.is_empty() {
         let shape = ["opacity", "scale_0", "rot_0"];
-        return Err(match has.contains_key("x") && !shape.iter().any(|name| has.contains_key(name)) {
-            true => Problem::PointCloud,
-            false => Problem::NotASplat { missing: missing.into_iter().map(str::to_owned).collect() },
+        return Err(if has.contains_key("x") && !shape.iter().any(|name| has.contains_key(name)) {
+            Problem::PointCloud
+        } else {
+            Problem::NotASplat { missing: missing.into_iter().map(str::to_owned).collect() }
         });
     }
     sh_degree_of(has.keys().copied())

@@ -194,8 +194,9 @@ fn exactly(header: &Header, attribute: &'static str, length: u64, stream: &mut i
     let mut bytes = Vec::new();
     let read = stream.take(length).read_to_end(&mut bytes);
     read.map_err(|reason| Problem::Compression { attribute, reason: reason.to_string() })?;
-    match bytes.len() as u64 == length {
-        true => Ok(bytes),
-        false => Err(Problem::Length { attribute, count: header.count, found: bytes.len() as u64, expected: length }),
+    if bytes.len() as u64 == length {
+        Ok(bytes)
+    } else {
+        Err(Problem::Length { attribute, count: header.count, found: bytes.len() as u64, expected: length })
     }
 }

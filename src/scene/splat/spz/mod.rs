@@ -67,14 +67,14 @@ impl Header {
         let bands = u64::from(self.sh_degree) + 1;
         // Version 1 stored half floats; the smallest three components of a quaternion came with version 3.
         let (position, rotation) = (if self.version == 1 { 6 } else { 9 }, if self.version < 3 { 3 } else { 4 });
-        let of = |bytes: u64| bytes * u64::from(self.count);
+        let length_of = |bytes: u64| bytes * u64::from(self.count);
         [
-            ("positions", of(position)),
-            ("opacities", of(1)),
-            ("colours", of(3)),
-            ("scales", of(3)),
-            ("rotations", of(rotation)),
-            ("spherical harmonics", of(3 * (bands * bands - 1))),
+            ("positions", length_of(position)),
+            ("opacities", length_of(1)),
+            ("colours", length_of(3)),
+            ("scales", length_of(3)),
+            ("rotations", length_of(rotation)),
+            ("spherical harmonics", length_of(3 * (bands * bands - 1))),
         ]
     }
 }

@@ -107,20 +107,20 @@ impl<'a> Reader<'a> {
     }
 
     fn norm(&self, name: &str) -> Result<Norm, Mismatch> {
-        let of = |what: &str| self.parameter(&format!("{name}.{what}"), &[CHANNELS]);
-        Ok(Norm { weight: of("weight")?, bias: of("bias")?, epsilon: NORM_EPSILON })
+        let values_of = |what: &str| self.parameter(&format!("{name}.{what}"), &[CHANNELS]);
+        Ok(Norm { weight: values_of("weight")?, bias: values_of("bias")?, epsilon: NORM_EPSILON })
     }
 
     /// The norm over the channels that follows a convolution: exporters write it as elementary operations, in which the
     /// first product and the first sum with one value per channel are scale and shift.
     fn norm_of_channels(&self, convolution: &str, channels: usize) -> Result<Norm, Mismatch> {
         let weight = self.name_of(&format!("{convolution}.weight"))?;
-        let of = |operator: &str| {
+        let operand_of = |operator: &str| {
             let mut inputs = self.model.consumers_after(weight, operator).flatten();
             let values = inputs.find_map(|input| self.constants.get(input, &[channels, 1, 1]));
             values.map(<[f32]>::to_vec).ok_or_else(|| Mismatch::NoNorm(weight.to_owned()))
         };
-        Ok(Norm { weight: of("Mul")?, bias: of("Add")?, epsilon: UPSCALING_EPSILON })
+        Ok(Norm { weight: operand_of("Mul")?, bias: operand_of("Add")?, epsilon: UPSCALING_EPSILON })
     }
 
     /// `[inputs, outputs, 2, 2]` as a matrix of `[inputs, 4 outputs]`.
