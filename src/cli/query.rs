@@ -48,7 +48,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
     }
     match action(args) {
         Some(action) if !args.scene.work.dry_run => {
-            let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, (Stage::Consensus, true))?;
+            let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, Stage::Consensus, true)?;
             pipeline.run()?;
             let open = pipeline.opened();
             let about = AskedAbout::of(open)?;

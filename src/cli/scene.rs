@@ -47,16 +47,16 @@ fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulat
     if work.dry_run && is_untouched(folder, work.out.as_deref(), &work.options)? {
         let stages: Vec<Stage> =
             plan(work, to)?.stages().filter(|stage| simulates || *stage != Stage::Simulate).collect();
-        return dry_run(global, (to, &stages), &[], None);
+        return dry_run(global, to, &stages, &[], None);
     }
-    let mut pipeline = open(global, folder, work, (to, simulates))?;
+    let mut pipeline = open(global, folder, work, to, simulates)?;
     if work.dry_run {
         let reusable = pipeline.planned().reusable(pipeline.opened())?;
         // The questions are known only once the parts are.
         let asked = to >= Stage::Query && reusable.contains(&Stage::Consensus) && !reusable.contains(&Stage::Query);
         let queries = if asked { Some(stages::query::preview(pipeline.opened())?) } else { None };
         let stages: Vec<Stage> = pipeline.planned().stages().collect();
-        return dry_run(global, (to, &stages), &reusable, queries.as_ref());
+        return dry_run(global, to, &stages, &reusable, queries.as_ref());
     }
     pipeline.run()?;
     if global.quiet && !global.json {
@@ -101,7 +101,7 @@ pub fn show(global: &Global, args: &ShowArgs) -> Result<()> {
     if args.work.dry_run {
         return run(global, &args.scene, &args.work, needed);
     }
-    let mut pipeline = open(global, &args.scene, &args.work, (needed, true))?;
+    let mut pipeline = open(global, &args.scene, &args.work, needed, true)?;
     pipeline.run()?;
     let (open, view) = (pipeline.opened(), args.view.as_deref());
     let bytes = match (args.what, film) {
@@ -119,7 +119,7 @@ pub fn show(global: &Global, args: &ShowArgs) -> Result<()> {
 pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
     let plan = Plan { to: Stage::Parts, from: None };
     let work = args.work.as_deref();
-    let mut pipeline = open_with(global, &args.scene, work, &args.options, (plan, true))?;
+    let mut pipeline = open_with(global, &args.scene, work, &args.options, plan, true)?;
     pipeline.run()?;
     let files = export::export(&mut pipeline, &args.format, &args.out)?;
     let paths: Vec<_> = files.iter().map(|file| config::in_json(file)).collect();
@@ -127,8 +127,8 @@ pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
 }
 
 /// Opens a scene to do the stages up to one, with or without the simulation.
-pub fn open(global: &Global, folder: &Path, work: &WorkArgs, (to, simulates): (Stage, bool)) -> Result<Pipeline> {
-    open_with(global, folder, work.out.as_deref(), &work.options, (plan(work, to)?, simulates))
+pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> Result<Pipeline> {
+    open_with(global, folder, work.out.as_deref(), &work.options, plan(work, to)?, simulates)
 }
 
 fn open_with(
@@ -136,7 +136,8 @@ fn open_with(
     folder: &Path,
     out: Option<&Path>,
     options: &Options,
-    (plan, simulates): (Plan, bool),
+    plan: Plan,
+    simulates: bool,
 ) -> Result<Pipeline> {
     let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
     let builder = if simulates { builder } else { builder.without_simulation() };
@@ -166,12 +167,7 @@ pub fn check_from(from: Option<Stage>, to: Stage) -> Result<(), UsageError> {
     }
 }
 
-fn dry_run(
-    global: &Global,
-    (to, stages): (Stage, &[Stage]),
-    reusable: &[Stage],
-    queries: Option<&Preview>,
-) -> Result<()> {
+fn dry_run(global: &Global, to: Stage, stages: &[Stage], reusable: &[Stage], queries: Option<&Preview>) -> Result<()> {
     let stages: Vec<DryStage> =
         stages.iter().map(|&name| DryStage { name, reusable: reusable.contains(&name) }).collect();
     print(global, &serde_json::json!({ "stages": stages, "queries": queries }), || {

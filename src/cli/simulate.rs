@@ -22,7 +22,7 @@ pub fn run(global: &Global, args: &SimulateArgs) -> Result<()> {
             if args.work.dry_run {
                 return scene::run(global, folder, &args.work, Stage::Vote);
             }
-            let mut pipeline = scene::open(global, folder, &args.work, (Stage::Vote, true))?;
+            let mut pipeline = scene::open(global, folder, &args.work, Stage::Vote, true)?;
             pipeline.run()?;
             compat::run_on_field(pipeline.opened(), config.as_deref())?
         }

@@ -177,15 +177,15 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let group_of = |groups: &[u32], member: u32| groups.get(member as usize).copied().unwrap_or(NONE);
     let of_gaussian = |of_core: &[u32]| -> Vec<u32> { core_of.iter().map(|&core| group_of(of_core, core)).collect() };
     let piece_of = of_gaussian(&piece_of_core);
-    let planes = Planes::new(gaussians, (&seen, &nearest), &toward_views, &piece_of, borders());
+    let planes = Planes::new(gaussians, &seen, &nearest, &toward_views, &piece_of, borders());
     let between_cores = linkage::between(&core_of, cores, borders().chain(planes.borders(&piece_of, borders())));
     let between_pieces = linkage::between(&piece_of_core, cores, between_cores.iter().copied());
     let part_of_piece = link(cores, &between_pieces, PART_STRENGTH, strength);
     let part_of_core = piece_of_core.iter().map(|&piece| group_of(&part_of_piece, piece)).collect();
     let crumb_share = CRUMB_SHARE.max(CRUMB_GAUSSIANS / seen.len().max(1) as f64);
     let part_of_core = linkage::absorb(part_of_core, &between_cores, &light_of_core, crumb_share);
-    let shown = (&between_cores[..], &light_of_core[..], crumb_share.max(ASKED_PIECE_SHARE));
-    let piece_of_core = pieces(&piece_of_core, &part_of_core, shown);
+    let least_share = crumb_share.max(ASKED_PIECE_SHARE);
+    let piece_of_core = pieces(&piece_of_core, &part_of_core, &between_cores, &light_of_core, least_share);
     finish(gaussians, &of_gaussian(&part_of_core), &of_gaussian(&piece_of_core), &seen, &light, &borders)
 }
 
@@ -194,7 +194,7 @@ type Borders<'a> = &'a [(u32, u32, Border)];
 
 /// The pieces to ask about within parts, named by one of their cores; [`NONE`] if there is none. Printed fields are not
 /// pieces of their own, unless a part has no others.
-fn pieces(piece_of: &[u32], part_of: &[u32], (borders, light, least_share): (Borders, &[f64], f64)) -> Vec<u32> {
+fn pieces(piece_of: &[u32], part_of: &[u32], borders: Borders, light: &[f64], least_share: f64) -> Vec<u32> {
     let inside: Vec<(u32, u32, Border)> = borders
         .iter()
         .copied()

@@ -36,7 +36,8 @@ impl Planes {
     /// `piece_of` is each Gaussian's piece, and `nearest` holds the positions of `seen`.
     pub fn new(
         gaussians: &Gaussians,
-        (seen, nearest): (&[u32], &Nearest),
+        seen: &[u32],
+        nearest: &Nearest,
         toward_views: &[Vector3<f32>],
         piece_of: &[u32],
         borders: impl Iterator<Item = (u32, u32, Border)>,

@@ -40,7 +40,8 @@ pub fn levels(camera: &Camera, photo: &Photo, levels: &[(Level, LabelMap)]) -> R
 pub fn before_and_after(
     camera: &Camera,
     photo: &Photo,
-    (map, answered): (&LabelMap, &BTreeMap<u16, String>),
+    map: &LabelMap,
+    answered: &BTreeMap<u16, String>,
     Object { gaussians, field, .. }: Object,
 ) -> RgbImage {
     let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);

@@ -73,7 +73,11 @@ impl Picture {
         let (name, key) = (file_name(path), segments_key(path, mask, &options)?);
         let segments = match segmented_before(&work, &name, &key)? {
             Some(segments) => at_size(segments, photo.rgb.dimensions()),
-            None => segment(&work, &name, key, (&photo, size), &options, progress)?,
+            None => {
+                let found = segment(&photo, &view_name(&name), &options, progress)?;
+                write_segments(&work, &name, key, at_size(found.clone(), size))?;
+                found
+            }
         };
         if let Some(warning) = segments.warning() {
             tracing::warn!("{warning}");
@@ -189,23 +193,18 @@ fn segmented_before(work: &WorkDir, name: &str, key: &str) -> Result<Option<View
     Ok(Some(ViewSegments { view, map, segments: entry.segments }))
 }
 
-/// Finds the segments of the picture in the file `name` and writes them in pixels of the picture, whose size is `size`;
-/// returns them in pixels of `photo`.
-fn segment(
-    work: &WorkDir,
-    name: &str,
-    key: String,
-    (photo, size): (&Photo, (u32, u32)),
-    options: &Options,
-    progress: Progress,
-) -> Result<ViewSegments> {
+/// Finds the segments of the photo, which is the only view, with the name `view`.
+fn segment(photo: &Photo, view: &str, options: &Options, progress: Progress) -> Result<ViewSegments> {
     let segmenter = open_segmenter(&options.setup, &options.segment, progress)?;
     let flat = segment::Options { level: Some(options.segment.flat_level()), ..options.segment.clone() };
     let load = |_: &str| Ok::<_, SegmentError>(photo.clone());
+    let found = segment_views(&segmenter, &[view], &load, &flat, progress, &|_| Ok(()))?;
+    Ok(found.views.into_iter().next().expect("one picture has one view"))
+}
+
+/// Writes the segments of the picture in the file `name`, in pixels of the picture, over those of an earlier name.
+fn write_segments(work: &WorkDir, name: &str, key: String, written: ViewSegments) -> Result<()> {
     let view = view_name(name);
-    let found = segment_views(&segmenter, &[view.as_str()], &load, &flat, progress, &|_| Ok(()))?;
-    let found = found.views.into_iter().next().expect("one picture has one view");
-    let written = at_size(found.clone(), size);
     remove_other_formats(work, &[&view])?;
     for (other, entry) in stored_segments(work).views.iter().filter(|(other, _)| **other != view) {
         remove_results(work, other, entry)?;
@@ -214,8 +213,7 @@ fn segment(
     work.write(Artifact::LabelMap(&view), &png)?;
     let entry = ViewEntry::new(&view, key, written.segments, &png);
     let file = SegmentsFile { picture: Some(name.to_owned()), views: [(view, entry)].into() };
-    work.write_json(Artifact::Segments, &file)?;
-    Ok(found)
+    Ok(work.write_json(Artifact::Segments, &file)?)
 }
 
 /// Removes what was written under the name that a renamed picture had.

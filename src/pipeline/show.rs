@@ -48,7 +48,7 @@ pub fn vote(open: &OpenScene, view: Option<&str>) -> Result<Vec<u8>> {
     let answered: BTreeMap<u16, String> =
         (1..=most).filter_map(|id| Some((id, material(id).or_else(|| material(part_of(id)))?))).collect();
     let photo = open.photo(view)?;
-    Ok(png(&segmented::before_and_after(&view.camera, &photo, (map, &answered), object(open, &field)?))?)
+    Ok(png(&segmented::before_and_after(&view.camera, &photo, map, &answered, object(open, &field)?))?)
 }
 
 /// The segments of one view at each of SAM's levels, found anew, as PNG; by default of the chosen view that shows most of

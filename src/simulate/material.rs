@@ -155,7 +155,8 @@ impl Materials {
     pub fn prepare(
         materials: &[Material],
         deform: impl Fn(usize) -> bool,
-        (soften, max_stiffness_pa): (Soften, f64),
+        soften: Soften,
+        max_stiffness_pa: f64,
     ) -> Self {
         let mut all = Self::default();
         let modulus = |(label, material): (usize, &Material)| deform(label).then_some(material.youngs_modulus_pa);

@@ -165,7 +165,7 @@ impl Object {
     /// # Errors
     /// If a particle is lost.
     pub fn step(&mut self, dt_s: f64, influence: &impl Influence) -> Result<(), Lost> {
-        let starts: Vec<Velocities> = self.bodies.iter().map(Body::velocities).collect();
+        let velocities: Vec<Velocities> = self.bodies.iter().map(Body::velocities).collect();
         if influence.has_forces() {
             let ids = &self.on_grid;
             self.solver.change_velocities(|own, v| match ids.get(own as usize) {
@@ -178,22 +178,23 @@ impl Object {
             }
         }
         let lead = |(number, body): (usize, &Body)| influence.leads_body(number, body.state().center_m);
-        let given: Vec<Option<Velocities>> = self.bodies.iter().enumerate().map(lead).collect();
-        for (body, given) in self.bodies.iter_mut().zip(&given) {
-            if let Some([velocity_m_s, spin]) = *given {
+        let led: Vec<Option<Velocities>> = self.bodies.iter().enumerate().map(lead).collect();
+        for (body, led) in self.bodies.iter_mut().zip(&led) {
+            if let Some([velocity_m_s, spin]) = *led {
                 body.set_motion(velocity_m_s, spin);
             }
         }
+        let start = StepStart { dt_s, velocities, led };
         if self.is_coupled() {
-            self.step_on_grid(dt_s, (&starts, &given), influence)?;
+            self.step_on_grid(&start, influence)?;
         } else {
             let joints = Joints::none(&self.bodies);
-            accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), (&starts, &given), &joints);
+            accelerate(&mut self.bodies, &self.grounds, self.gravity_m_s2, &start, &joints);
         }
         let mut fastest_m_s = 0.0_f64;
-        for (body, given) in self.bodies.iter_mut().zip(&given) {
+        for (body, led) in self.bodies.iter_mut().zip(&start.led) {
             fastest_m_s = fastest_m_s.max(body.fastest_m_s());
-            match *given {
+            match *led {
                 Some(velocities) => body.lead(velocities, dt_s),
                 None => {
                     body.advance(dt_s);
@@ -206,12 +207,7 @@ impl Object {
     }
 
     /// Takes a substep on the grid; the bodies get their new velocities, but keep their places.
-    fn step_on_grid(
-        &mut self,
-        dt_s: f64,
-        (starts, given): (&[Velocities], &[Option<Velocities>]),
-        influence: &impl Influence,
-    ) -> Result<(), Lost> {
+    fn step_on_grid(&mut self, start: &StepStart, influence: &impl Influence) -> Result<(), Lost> {
         let moving: Vec<Moving> = self.bodies.iter().map(Moving::from).collect();
         let (bodies, guests) = (&self.bodies, &self.guests);
         self.solver.place_guests(|guest| guests[guest].moved(bodies, &moving));
@@ -220,7 +216,7 @@ impl Object {
         if self.solver.is_due_for_sorting() || self.wandered_m > far_m {
             self.invite();
         }
-        let dt = dt_s as f32;
+        let dt = start.dt_s as f32;
         let on_grid = &self.on_grid;
         let guided = |id: u32, position_m| influence.leads(*on_grid.get(id as usize)?, position_m);
         if influence.has_leads() {
@@ -228,10 +224,10 @@ impl Object {
         }
         self.solver.scatter(dt);
         let meeting = Meeting { bodies: &self.bodies, guests: &self.guests, moving: &moving };
-        let is_led = |body: usize| given[body].is_some();
+        let is_led = |body: usize| start.led[body].is_some();
         let spacing_m = f64::from(self.spacing_m);
-        let joints = coupling::join(&self.solver, meeting, is_led, self.gravity_m_s2, spacing_m, dt_s);
-        accelerate(&mut self.bodies, (&self.grounds, self.gravity_m_s2, dt_s), (starts, given), &joints);
+        let joints = coupling::join(&self.solver, meeting, is_led, self.gravity_m_s2, spacing_m, start.dt_s);
+        accelerate(&mut self.bodies, &self.grounds, self.gravity_m_s2, start, &joints);
         joints.carry(&mut self.solver, &self.bodies);
         let gathered = self.solver.gather(dt);
         if influence.has_leads() {
@@ -306,22 +302,24 @@ impl Object {
     }
 }
 
-/// Changes the velocities of the bodies for which none are `given`: by gravity, the impulses at their `joints`, and the
-/// grounds. `starts` are the velocities at the start of the step.
-fn accelerate(
-    bodies: &mut [Body],
-    (grounds, gravity_m_s2, dt_s): (&[Ground], Vector3<f64>, f64),
-    (starts, given): (&[Velocities], &[Option<Velocities>]),
-    joints: &Joints,
-) {
-    let answers = joints.impulses.iter().zip(&joints.responses);
-    for (((body, start), given), ([push, turn], response)) in bodies.iter_mut().zip(starts).zip(given).zip(answers) {
-        if given.is_none() {
-            let now = body.velocities();
-            let loads = [now[0] - start[0], now[1] - start[1]];
-            body.push(gravity_m_s2 * (dt_s * body.mass_kg()) + push, *turn);
-            grounds.iter().for_each(|ground| ground.act(body, response, (&gravity_m_s2, &loads), dt_s));
-        }
+/// The bodies at the start of a step.
+struct StepStart {
+    dt_s: f64,
+    /// By body.
+    velocities: Vec<Velocities>,
+    /// By body: the velocities with which it is led through the step; `None` if it moves freely.
+    led: Vec<Option<Velocities>>,
+}
+
+/// Changes the velocities of the bodies that move freely: by gravity, the impulses at their `joints`, and the grounds.
+fn accelerate(bodies: &mut [Body], grounds: &[Ground], gravity_m_s2: Vector3<f64>, start: &StepStart, joints: &Joints) {
+    let free = bodies.iter_mut().enumerate().filter(|(number, _)| start.led[*number].is_none());
+    for (number, body) in free {
+        let ([push, turn], response) = (joints.impulses[number], &joints.responses[number]);
+        let (before, now) = (start.velocities[number], body.velocities());
+        let loads = [now[0] - before[0], now[1] - before[1]];
+        body.push(gravity_m_s2 * (start.dt_s * body.mass_kg()) + push, turn);
+        grounds.iter().for_each(|ground| ground.act(body, response, &gravity_m_s2, &loads, start.dt_s));
     }
 }
 

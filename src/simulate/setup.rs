@@ -121,10 +121,10 @@ impl Conditions<'_> {
     /// The parts that deform, softened to `most_pa`; parts that strain by less than `visible` are rigid.
     fn with(&self, most_pa: f64, visible: f64) -> Result<Settled, SimulateError> {
         let Self { input, options, parcels, load, spacing_m, duration_s } = *self;
-        let choice = choice::choose(&options.rigid, &load, input.materials, (parcels, spacing_m), visible)?;
+        let choice = choice::choose(&options.rigid, &load, input.materials, parcels, spacing_m, visible)?;
         let used = in_use(parcels);
         let deforms = |label: usize| choice.body_of[label].is_none() && used.contains(&label);
-        let materials = Materials::prepare(input.materials, deforms, (options.soften, most_pa));
+        let materials = Materials::prepare(input.materials, deforms, options.soften, most_pa);
         let fastest = with_fastest_waves(parcels, &choice, &materials.prepared);
         let wave_speed_m_s = match fastest {
             Some(label) => materials.prepared[label].wave_speed_m_s(),

@@ -33,7 +33,7 @@ use crate::segment::LabelMap;
 use crate::units::{Estimate, ShoreHardness};
 use crate::words::output::{agreeing, counted};
 use crate::words::progress::Progress;
-use answered_segments::AnsweredSegments;
+use answered_segments::{AnsweredSegment, AnsweredSegments};
 use ballots::Ballots;
 pub use error::VoteError;
 use identity::Identity;
@@ -206,7 +206,7 @@ pub fn vote(
     segments.notes.extend(strange_gaussians(gaussians));
     let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
     let identity = Identity::new(&ballots, &segments);
-    elect(gaussians, views, (&ballots, segments, identity), library, options)
+    Votes { views, segments, ballots, identity }.elect(gaussians, library, options)
 }
 
 /// As [`vote`], for label maps in which an id stands for the same part in all views.
@@ -231,24 +231,84 @@ pub fn vote_on_parts(
     let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
     let identity = Identity::of_parts(&ballots, &segments, parts);
     let options = Options { agree: Agreement::Part, ..options.clone() };
-    elect(gaussians, views, (&ballots, segments, identity), library, &options)
+    Votes { views, segments, ballots, identity }.elect(gaussians, library, &options)
 }
 
-/// Elects a label for every Gaussian.
-fn elect(
-    gaussians: &Gaussians,
-    views: &[ViewInput],
-    (ballots, segments, identity): (&Ballots, AnsweredSegments, Identity),
-    library: &MaterialLibrary,
-    options: &Options,
-) -> Result<MaterialField, VoteError> {
-    let candidates = tally::candidates(&segments, &identity, options.agree);
-    let elected = tally::elect(ballots, &segments, &candidates);
-    let Some(choices) = unseen::fill(gaussians, &elected, options.neighbors.get()) else {
-        let (segments, answered) = (segments.in_maps, segments.segments.len());
-        return Err(VoteError::NoVotes { views: views.len(), segments, answered });
-    };
-    Ok(field(&choices, &elected, segments, &identity, library, (views, options.agree)))
+/// The votes of all views, and what they are about.
+struct Votes<'a> {
+    views: &'a [ViewInput<'a>],
+    segments: AnsweredSegments<'a>,
+    ballots: Ballots,
+    identity: Identity<'a>,
+}
+
+impl Votes<'_> {
+    /// Elects a label for every Gaussian.
+    fn elect(
+        self,
+        gaussians: &Gaussians,
+        library: &MaterialLibrary,
+        options: &Options,
+    ) -> Result<MaterialField, VoteError> {
+        let candidates = tally::candidates(&self.segments, &self.identity, options.agree);
+        let elected = tally::elect(&self.ballots, &self.segments, &candidates);
+        match unseen::fill(gaussians, &elected, options.neighbors.get()) {
+            Some(choices) => Ok(self.field(&choices, &elected, library, options.agree)),
+            None => Err(VoteError::NoVotes {
+                views: self.views.len(),
+                segments: self.segments.in_maps,
+                answered: self.segments.segments.len(),
+            }),
+        }
+    }
+
+    /// Gathers the properties of each choice that occurs. Its id is that of its part, if that was known before the vote;
+    /// else the choices are numbered from 1, the most frequent first.
+    fn field(
+        self,
+        choices: &[PartMaterial],
+        elected: &[Option<Elected>],
+        library: &MaterialLibrary,
+        agree: Agreement,
+    ) -> MaterialField {
+        let Self { segments, identity, .. } = &self;
+        let mut made: Vec<(u32, PartMaterial)> = (1..).zip(by_frequency(choices)).collect();
+        if let Some(ids) = &identity.ids {
+            made.iter_mut().for_each(|(id, choice)| *id = ids[choice.part as usize]);
+            made.sort_unstable();
+        }
+        let name = |choice: PartMaterial| segments.materials[choice.material as usize];
+        let labels =
+            made.iter().map(|&(id, choice)| labels::label(id, choice, name(choice), identity, library)).collect();
+        let label_of =
+            |choice: &PartMaterial| made.iter().position(|(_, other)| other == choice).expect("listed above") as u32;
+        // Gaussians that choose for themselves count every answer in their own votes.
+        let agreement = |&(_, choice): &(u32, PartMaterial)| match agree {
+            Agreement::Part => identity.agreement(choice.part, name(choice)) as f32,
+            Agreement::Gaussian => 1.0,
+        };
+        let agreement: Vec<f32> = made.iter().map(agreement).collect();
+        let confidence = |e: &Elected| e.votes / e.cast * agreement[label_of(&e.choice) as usize];
+        MaterialField {
+            labels,
+            part_label: choices.iter().map(label_of).collect(),
+            confidence: elected.iter().map(|e| e.as_ref().map_or(0.0, confidence)).collect(),
+            votes: elected.iter().map(|e| e.as_ref().map_or(0.0, |e| e.votes)).collect(),
+            views: elected.iter().map(|e| e.as_ref().map_or(0, |e| e.views)).collect(),
+            notes: segments.notes.iter().cloned().chain(self.notes_of_invisible()).collect(),
+            warnings: self.segments.warnings,
+        }
+    }
+
+    /// A note for each answered segment in which no Gaussian lies.
+    fn notes_of_invisible(&self) -> Vec<String> {
+        let invisible = self.segments.segments.iter().zip(&self.identity.seen).filter(|(_, seen)| **seen == 0);
+        let note = |segment: &AnsweredSegment| {
+            let (view, caption) = (self.views[segment.view].name, &segment.answer.caption);
+            format!("part or segment {} of view `{view}` ({caption}) covers no Gaussian", segment.segment)
+        };
+        invisible.map(|(segment, _)| note(segment)).collect()
+    }
 }
 
 fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
@@ -301,50 +361,6 @@ fn cameras_inside(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
         )
     };
     views.iter().filter(is_inside).map(text).collect()
-}
-
-/// Gathers the properties of each choice that occurs. Its id is that of its part, if that was known before the vote; else
-/// the choices are numbered from 1, the most frequent first.
-fn field(
-    choices: &[PartMaterial],
-    elected: &[Option<Elected>],
-    segments: AnsweredSegments,
-    identity: &Identity,
-    library: &MaterialLibrary,
-    (views, agree): (&[ViewInput], Agreement),
-) -> MaterialField {
-    let mut made: Vec<(u32, PartMaterial)> = (1..).zip(by_frequency(choices)).collect();
-    if let Some(ids) = &identity.ids {
-        made.iter_mut().for_each(|(id, choice)| *id = ids[choice.part as usize]);
-        made.sort_unstable();
-    }
-    let name = |choice: PartMaterial| segments.materials[choice.material as usize];
-    let labels = made.iter().map(|&(id, choice)| labels::label(id, choice, name(choice), identity, library)).collect();
-    let label_of =
-        |choice: &PartMaterial| made.iter().position(|(_, other)| other == choice).expect("listed above") as u32;
-    // Gaussians that choose for themselves count every answer in their own votes.
-    let agreement = |&(_, choice): &(u32, PartMaterial)| match agree {
-        Agreement::Part => identity.agreement(choice.part, name(choice)) as f32,
-        Agreement::Gaussian => 1.0,
-    };
-    let agreement: Vec<f32> = made.iter().map(agreement).collect();
-    let confidence = |e: &Elected| e.votes / e.cast * agreement[label_of(&e.choice) as usize];
-    let mut notes = segments.notes;
-    let invisible = segments.segments.iter().zip(&identity.seen).filter(|(_, seen)| **seen == 0);
-    for (segment, _) in invisible {
-        let (view, caption) = (views[segment.view].name, &segment.answer.caption);
-        let number = segment.segment;
-        notes.push(format!("part or segment {number} of view `{view}` ({caption}) covers no Gaussian"));
-    }
-    MaterialField {
-        labels,
-        part_label: choices.iter().map(label_of).collect(),
-        confidence: elected.iter().map(|e| e.as_ref().map_or(0.0, confidence)).collect(),
-        votes: elected.iter().map(|e| e.as_ref().map_or(0.0, |e| e.votes)).collect(),
-        views: elected.iter().map(|e| e.as_ref().map_or(0, |e| e.views)).collect(),
-        warnings: segments.warnings,
-        notes,
-    }
 }
 
 /// The choices that occur, the most frequent first; among equals, the lower 3D part first.

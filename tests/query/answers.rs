@@ -10,7 +10,7 @@ use super::{a, good_answer, good_answer_about_part, with};
 fn read_as(response: &str, unknown: Unknown) -> Result<Answer, Problem> {
     let library = MaterialLibrary::builtin();
     let questions =
-        Questions::new(&Prompts::builtin(), library, (Guidance::OneQuestion, Context::GlobalLocal), About::Parts)
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, About::Parts)
             .unwrap();
     match questions.read(questions.first(), response, library, unknown)? {
         Reading::Answered(answer) => Ok(*answer),
@@ -87,7 +87,7 @@ fn a_family_is_taken_in_any_case() {
     }
     let (prompts, library) = (Prompts::builtin(), MaterialLibrary::builtin());
     let questions =
-        Questions::new(&prompts, library, (Guidance::FamilyFirst, Context::GlobalLocal), About::Parts).unwrap();
+        Questions::new(&prompts, library, Guidance::FamilyFirst, Context::GlobalLocal, About::Parts).unwrap();
     let response = json!({ "caption": "a part", "family": "WOOD" }).to_string();
     let reading = questions.read(questions.first(), &response, library, Unknown::Refuse).unwrap();
     assert!(matches!(reading, Reading::Next(next) if next.prompt.contains(a("wood"))));
@@ -386,8 +386,9 @@ fn a_mixed_part_has_the_density_of_the_whole() {
 #[test]
 fn an_answer_about_a_segment_leaves_the_inside_unknown() {
     let library = MaterialLibrary::builtin();
-    let how = (Guidance::OneQuestion, Context::GlobalLocal);
-    let questions = Questions::new(&Prompts::builtin(), library, how, About::Segments).unwrap();
+    let questions =
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, About::Segments)
+            .unwrap();
     let of_segment = with(with(good_answer(a("wood")), "form", json!("shell")), "wall_thickness_mm", json!([1, 2]));
     let Ok(Reading::Answered(answer)) =
         questions.read(questions.first(), &of_segment.to_string(), library, Unknown::Refuse)

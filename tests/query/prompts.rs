@@ -9,7 +9,7 @@ use serde_json::Value;
 fn the_single_prompt_lists_every_material_of_the_library() {
     let library = MaterialLibrary::builtin();
     let questions =
-        Questions::new(&Prompts::builtin(), library, (Guidance::OneQuestion, Context::GlobalLocal), About::Parts)
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, About::Parts)
             .unwrap();
     let prompt = &questions.first().prompt;
     for family in library.families() {
@@ -29,10 +29,10 @@ fn the_single_prompt_lists_every_material_of_the_library() {
 fn family_first_asks_for_the_family_and_then_for_its_materials() {
     let library = MaterialLibrary::builtin();
     let questions =
-        Questions::new(&Prompts::builtin(), library, (Guidance::FamilyFirst, Context::GlobalLocal), About::Parts)
+        Questions::new(&Prompts::builtin(), library, Guidance::FamilyFirst, Context::GlobalLocal, About::Parts)
             .unwrap();
     let single =
-        Questions::new(&Prompts::builtin(), library, (Guidance::OneQuestion, Context::GlobalLocal), About::Parts)
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, About::Parts)
             .unwrap();
     let chain = questions.longest_chain();
     assert_eq!(chain.len(), 2);
@@ -76,8 +76,9 @@ fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
     assert!(matches!(Prompts::from_folder(folder.path()), Err(PromptError::Schema { .. })));
     for (schema, is_good) in [("[]", false), ("true", false), ("null", false), ("\"answer\"", false), ("{}", true)] {
         std::fs::write(folder.path().join("answer.schema.json"), schema).unwrap();
-        let (prompts, how) = (Prompts::from_folder(folder.path()).unwrap(), (Guidance::OneQuestion, Context::Local));
-        match Questions::new(&prompts, MaterialLibrary::builtin(), how, About::Parts) {
+        let prompts = Prompts::from_folder(folder.path()).unwrap();
+        match Questions::new(&prompts, MaterialLibrary::builtin(), Guidance::OneQuestion, Context::Local, About::Parts)
+        {
             Ok(questions) => assert!(is_good && *questions.first().schema.value() == serde_json::json!({}), "{schema}"),
             Err(error) => assert!(!is_good && matches!(error, PromptError::Schema { .. }), "{schema}"),
         }
@@ -91,8 +92,14 @@ fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
 /// The paper's questions must stay word for word what they were when `recorded_paper/` was answered.
 #[test]
 fn the_question_about_a_segment_is_the_recorded_one() {
-    let how = (Guidance::OneQuestion, Context::GlobalLocal);
-    let questions = Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), how, About::Segments).unwrap();
+    let questions = Questions::new(
+        &Prompts::builtin(),
+        MaterialLibrary::builtin(),
+        Guidance::OneQuestion,
+        Context::GlobalLocal,
+        About::Segments,
+    )
+    .unwrap();
     // As many as `gprop run --preset paper` asks about the fixture.
     for (fixture, count) in [("hammer", 25), ("mug", 33), ("table_lamp", 28), ("chair", 44)] {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture).join("recorded_paper");

@@ -258,7 +258,7 @@ fn the_user_chooses_what_is_rigid() {
     let parcels = [0, 1].map(parcel);
     let chosen = |word: &str| {
         let load = Load::new(0.0, 9.8, 0.4, &[]);
-        let reasons = choose(&[word.to_owned()], &load, &pot, (&parcels, 0.025), INVISIBLE).unwrap().reasons;
+        let reasons = choose(&[word.to_owned()], &load, &pot, &parcels, 0.025, INVISIBLE).unwrap().reasons;
         reasons.iter().map(Option::is_some).collect::<Vec<_>>()
     };
     // The exact name of a part means no other part.
@@ -315,7 +315,7 @@ fn what_is_too_stiff_to_simulate_in_time_is_rigid() {
     let parcels = fill(&positions, &bar.labels, &bar.interior, METERS_PER_UNIT, 0.025).unwrap().parcels;
     let load = Load::new(2.0, 9.8, 0.4, &[]);
     let reasons = |asked: &str, visible: f64| {
-        choose(&[asked.to_owned()], &load, &bar.materials, (&parcels, 0.025), visible).unwrap().reasons
+        choose(&[asked.to_owned()], &load, &bar.materials, &parcels, 0.025, visible).unwrap().reasons
     };
     assert_eq!(reasons("auto", INVISIBLE), [None, None]);
     assert_eq!(reasons("auto", HARDLY_VISIBLE), [Some(Reason::TooSlow), None]);

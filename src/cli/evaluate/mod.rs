@@ -49,7 +49,7 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> Result<()> {
         }
         Evaluate::Simulation { reference } => evaluate_simulation(global, reference),
         Evaluate::Segmentation { scenes, truth, labels, out, allowed } => {
-            segmentation::evaluate(global, scenes, (truth, *labels), out.as_deref(), &allowed.allow_read)
+            segmentation::evaluate(global, scenes, truth, *labels, out.as_deref(), &allowed.allow_read)
         }
         Evaluate::Prompts { asked } => evaluate_prompts(global, asked),
         Evaluate::Parts { asked } => parts::evaluate(global, asked),
@@ -138,7 +138,7 @@ fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>, allow_r
     let mut measured = Vec::with_capacity(readings.len());
     for scene in scenes {
         let of_scene: Vec<_> = readings.iter().filter(|(_, reading)| reading.scene == scene).collect();
-        measured.extend(measure(points, scene, &of_scene, (out, allow_read))?);
+        measured.extend(measure(points, scene, &of_scene, out, allow_read)?);
     }
     let found = hardness::evaluate(measured)?;
     print(global, &found, || hardness_text(&found))
@@ -149,7 +149,8 @@ fn measure(
     points: &Path,
     scene: &Path,
     readings: &[&(u64, Reading)],
-    (out, allow_read): (Option<&Path>, &[PathBuf]),
+    out: Option<&Path>,
+    allow_read: &[PathBuf],
 ) -> Result<Vec<Measured>> {
     let folder = points.parent().unwrap_or(Path::new("")).join(scene);
     let stored = Stored::open(&folder, out, &[Stage::Vote])?;

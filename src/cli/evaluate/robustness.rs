@@ -67,7 +67,7 @@ fn of_scene(folder: &Path, open: &OpenScene, few: NonZeroUsize) -> Result<Robust
     if voting.iter().all(|view| shows_no_part(&view.parts)) {
         return Err(no_part("vote").into());
     }
-    Ok(measure(scene, &voting, few, &compared, (&options.consensus, &options.vote))?)
+    Ok(measure(scene, &voting, few, &compared, &options.consensus, &options.vote)?)
 }
 
 fn shows_no_part(parts: &GrayImage) -> bool {

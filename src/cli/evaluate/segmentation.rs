@@ -18,7 +18,8 @@ use super::{check_truth, one_scene_only};
 pub fn evaluate(
     global: &Global,
     scenes: &[PathBuf],
-    (truth, labels): (&Path, Vocabulary),
+    truth: &Path,
+    labels: Vocabulary,
     out: Option<&Path>,
     allow_read: &[PathBuf],
 ) -> Result<()> {

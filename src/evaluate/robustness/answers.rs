@@ -34,7 +34,8 @@ impl Voters<'_> {
     /// The true part, plus 1, that every Gaussian is labelled as; 0 if no view shows a true part.
     pub fn labels(
         &self,
-        (asked, vote): (&consensus::Options, &vote::Options),
+        asked: &consensus::Options,
+        vote: &vote::Options,
         random: &mut Rng,
     ) -> Result<Vec<u16>, VoteError> {
         let oracle = Oracle::new(self.views, self.wrong);

@@ -87,7 +87,8 @@ pub fn measure(
     views: &[VotingView],
     few: NonZeroUsize,
     compared: &[TrueView],
-    options: (&consensus::Options, &vote::Options),
+    asked: &consensus::Options,
+    vote: &vote::Options,
 ) -> Result<Robustness, VoteError> {
     let all: Vec<&VotingView> = views.iter().collect();
     let few = few.get().min(all.len());
@@ -95,7 +96,7 @@ pub fn measure(
     let ious = |condition: &Condition, seed: u64| {
         let views = if condition.few { &some } else { &all };
         let voters = Voters { gaussians: &scene.gaussians, views, merged: condition.merged, wrong: condition.wrong };
-        let labels = voters.labels(options, &mut Rng::with_seed(seed))?;
+        let labels = voters.labels(asked, vote, &mut Rng::with_seed(seed))?;
         Ok::<_, VoteError>(label_ious(&scene.gaussians, &labels, compared))
     };
     let of_condition = |condition: &Condition| {
@@ -114,7 +115,7 @@ pub fn measure(
     };
     Ok(Robustness {
         scene: scene.name.clone(),
-        asked: options.0.ask,
+        asked: asked.ask,
         voting_views: all.len(),
         few_views: few,
         compared_views: compared.len(),

@@ -164,7 +164,7 @@ pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result
         Form::Shell { .. } => Some(inside(&written, library, &mut flags)?),
         Form::Solid | Form::Mixed => None,
     };
-    settle(written, material, family, (form, inside), flags)
+    settle(written, material, family, form, inside, flags)
 }
 
 fn material<'a>(
@@ -244,7 +244,8 @@ fn settle(
     written: Written,
     material: &Material,
     family: &Family,
-    (form, inside): (Form, Option<Inside>),
+    form: Form,
+    inside: Option<Inside>,
     mut flags: Vec<String>,
 ) -> Result<Answer, Problem> {
     let density_kg_m3 = density(&written, material, family, &mut flags)?;

@@ -52,7 +52,7 @@ impl<'a> Queries<'a> {
         about: About,
     ) -> Result<Self, QueryError> {
         options.check()?;
-        let questions = Questions::new(prompts, library, (options.guidance, options.context), about)?;
+        let questions = Questions::new(prompts, library, options.guidance, options.context, about)?;
         let mut segments = Vec::new();
         for view in views {
             segments.extend(segments_of(view, options.context, options.sheet_size)?);

@@ -68,20 +68,21 @@ impl Questions {
     pub fn new(
         prompts: &Prompts,
         library: &MaterialLibrary,
-        (guidance, context): (Guidance, Context),
+        guidance: Guidance,
+        context: Context,
         about: About,
     ) -> Result<Self, PromptError> {
         let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
         match guidance {
             Guidance::OneQuestion => {
-                Ok(Self { first: material(prompts, library, &families, (context, about))?, by_family: BTreeMap::new() })
+                Ok(Self { first: material(prompts, library, &families, context, about)?, by_family: BTreeMap::new() })
             }
             Guidance::FamilyFirst => {
                 let schema = Schema::new("family.schema.json", prompts.family_schema().clone(), &families, &[])?;
                 let prompt = prompts.family(context, &families.join("; "))?;
                 let by_family = families
                     .iter()
-                    .map(|family| Ok(((*family).to_owned(), material(prompts, library, &[family], (context, about))?)))
+                    .map(|family| Ok(((*family).to_owned(), material(prompts, library, &[family], context, about)?)))
                     .collect::<Result<_, PromptError>>()?;
                 Ok(Self { first: Question::new(prompt, schema), by_family })
             }
@@ -131,7 +132,8 @@ fn material(
     prompts: &Prompts,
     library: &MaterialLibrary,
     families: &[&str],
-    (context, about): (Context, About),
+    context: Context,
+    about: About,
 ) -> Result<Question, PromptError> {
     let candidates: Vec<String> = families
         .iter()

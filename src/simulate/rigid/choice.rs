@@ -116,7 +116,8 @@ pub fn choose(
     asked: &[String],
     load: &Load,
     materials: &[Material],
-    (parcels, spacing_m): (&[Parcel], f64),
+    parcels: &[Parcel],
+    spacing_m: f64,
     visible: f64,
 ) -> Result<Choice, SimulateError> {
     let cubes = Cubes::new(parcels, spacing_m);

@@ -83,7 +83,8 @@ impl Ground {
         &self,
         body: &mut Body,
         response: &Matrix6<f64>,
-        (gravity_m_s2, loads): (&Vector3<f64>, &Velocities),
+        gravity_m_s2: &Vector3<f64>,
+        loads: &Velocities,
         dt_s: f64,
     ) {
         let mut touches = self.touches(body, response, loads, dt_s);
