@@ -141,8 +141,8 @@ pub fn sam_decoder(bytes: &[u8]) {
 /// Answers of a model or a person: an endpoint's response, the answer in it, `answers.jsonl`, the Batch API's files.
 pub fn answers(bytes: &[u8]) {
     static QUESTIONS: LazyLock<Questions> = LazyLock::new(|| {
-        let how = (query::Guidance::OneQuestion, query::Context::GlobalLocal);
-        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), how, About::Parts)
+        let (guidance, context) = (query::Guidance::OneQuestion, query::Context::GlobalLocal);
+        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), guidance, context, About::Parts)
             .expect("the built-in prompts are good")
     });
     let text = String::from_utf8_lossy(bytes);

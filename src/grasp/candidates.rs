@@ -100,17 +100,17 @@ pub struct Found {
 /// space for the fingers; if parts were left out, why the first of them was.
 pub fn candidates(
     object: &Object,
-    place: Where,
+    wanted: Where,
     gripper: &GripperProfile,
     options: &Options,
 ) -> Result<Found, GraspError> {
-    let what = || match place {
+    let what = || match wanted {
         Where::Part(label) => format!("part {:?}", object.labels[label as usize].caption),
         Where::Anywhere | Where::Near(_) => "the object".to_owned(),
     };
     let friction = |label: &FieldLabel| options.policy.friction(label.friction_rubber);
     let friction: Vec<f64> = object.labels.iter().map(friction).collect();
-    let all = places(object.surface, place, &friction, gripper.contact_radius_m());
+    let all = places(object.surface, wanted, &friction, gripper.contact_radius_m());
     let stroke_m = gripper.stroke_m.unwrap_or(f64::INFINITY);
     let fitting: Vec<Place> = all.iter().copied().filter(|p| p.width_m() <= stroke_m).collect();
     if fitting.is_empty() && !all.is_empty() {
@@ -121,54 +121,69 @@ pub fn candidates(
             narrowest_mm: all.iter().map(Place::width_m).fold(f64::INFINITY, f64::min) * 1e3,
         });
     }
-    let center = Point3::from(object.parts.object.center_of_mass_m);
-    let distances = object.surface.points.iter().map(|p| (p.position - center).norm());
-    let radius = distances.fold(f64::MIN_POSITIVE, f64::max);
-    let cost = |p: &Place, forces: &Forces| {
-        let distance = match place {
-            Where::Near(point) => p.contacts.iter().map(|c| (c - point).norm()).fold(f64::INFINITY, f64::min),
-            Where::Anywhere | Where::Part(_) => p.lever_m(center),
-        };
-        let misalignment = p.misalignment_rad / friction[p.part as usize].atan();
-        distance / radius + MISALIGNMENT_WEIGHT * misalignment + forces.f_min_n / forces.upper.newtons
-    };
     let mut ranked = Vec::with_capacity(fitting.len());
     let mut left_out: BTreeMap<u32, GraspError> = BTreeMap::new();
-    for p in &fitting {
-        match forces_at(object, p, gripper, options) {
-            Ok(Some(forces)) => {
-                let turns = torque_margin_n_m(&forces, p.lever_m(center), gripper.contact_radius_m()) < 0.0;
-                ranked.push(((forces.star.infeasible_because.is_some(), turns), cost(p, &forces), p, forces));
-            }
+    for place in fitting {
+        match forces_at(object, &place, gripper, options) {
+            Ok(Some(forces)) => ranked.push((place, forces)),
             Ok(None) => {}
             Err(error @ GraspError::Property { .. }) => {
-                left_out.entry(p.part).or_insert(error);
+                left_out.entry(place.part).or_insert(error);
             }
             Err(error) => return Err(error),
         }
     }
+    rank(&mut ranked, object, wanted, &friction, gripper);
+    let candidates = best_with_space(&ranked, object, gripper);
     let mut left_out = left_out.into_values();
-    ranked.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    if candidates.is_empty() {
+        return Err(left_out.next().unwrap_or_else(|| GraspError::NoPlace { what: what() }));
+    }
+    Ok(Found { candidates, left_out: left_out.collect() })
+}
 
+/// Sorts places with their forces, the best first; `friction` is that of each label.
+fn rank(places: &mut Vec<(Place, Forces)>, object: &Object, wanted: Where, friction: &[f64], gripper: &GripperProfile) {
+    let center = Point3::from(object.parts.object.center_of_mass_m);
+    let distances = object.surface.points.iter().map(|p| (p.position - center).norm());
+    let radius = distances.fold(f64::MIN_POSITIVE, f64::max);
+    let flaws = |place: &Place, forces: &Forces| {
+        let turns = torque_margin_n_m(forces, place.lever_m(center), gripper.contact_radius_m()) < 0.0;
+        (forces.star.infeasible_because.is_some(), turns)
+    };
+    let cost = |place: &Place, forces: &Forces| {
+        let distance = match wanted {
+            Where::Near(point) => place.contacts.iter().map(|c| (c - point).norm()).fold(f64::INFINITY, f64::min),
+            Where::Anywhere | Where::Part(_) => place.lever_m(center),
+        };
+        let misalignment = place.misalignment_rad / friction[place.part as usize].atan();
+        distance / radius + MISALIGNMENT_WEIGHT * misalignment + forces.f_min_n / forces.upper.newtons
+    };
+    let mut keyed: Vec<_> = places
+        .drain(..)
+        .map(|(place, forces)| (flaws(&place, &forces), cost(&place, &forces), place, forces))
+        .collect();
+    keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
+    places.extend(keyed.into_iter().map(|(_, _, place, forces)| (place, forces)));
+}
+
+/// The first [`REPORTED`] of the places that have free space for the fingers; of those that are the same, the first.
+fn best_with_space(ranked: &[(Place, Forces)], object: &Object, gripper: &GripperProfile) -> Vec<Candidate> {
     let side = gripper.finger_side_m();
     let cells = Cells::new(&object.surface.obstacles, side.max(LEAST_CELL_M));
     let mut chosen: Vec<(&Place, Candidate)> = Vec::new();
-    for (_, _, p, forces) in &ranked {
+    for (place, forces) in ranked {
         if chosen.len() == REPORTED {
             break;
         }
-        if chosen.iter().any(|(other, _)| same(p, other, side)) {
+        if chosen.iter().any(|(other, _)| same(place, other, side)) {
             continue;
         }
-        if let Some(approach) = free_approach(p, side, &object.surface.obstacles, &cells) {
-            chosen.push((p, candidate(object, p, forces, approach, gripper)));
+        if let Some(approach) = free_approach(place, side, &object.surface.obstacles, &cells) {
+            chosen.push((place, candidate(object, place, forces, approach, gripper)));
         }
     }
-    if chosen.is_empty() {
-        return Err(left_out.next().unwrap_or_else(|| GraspError::NoPlace { what: what() }));
-    }
-    let candidates = chosen.into_iter().map(|(_, candidate)| candidate).collect();
-    Ok(Found { candidates, left_out: left_out.collect() })
+    chosen.into_iter().map(|(_, candidate)| candidate).collect()
 }
 
 /// The forces at a place; `None` if its part has no mass and so is not part of the object.

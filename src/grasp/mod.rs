@@ -144,40 +144,15 @@ pub fn grasp(
 ) -> Result<GraspReport, GraspError> {
     options.check()?;
     let (part, chosen) = grasped_part::choose(parts, options.part.as_deref())?;
-    let label = |id: u32| (0..).zip(labels).find(|(_, l)| l.id == id).ok_or(GraspError::NoLabel { part: id });
-    let (named, _) = label(part.id)?;
-    let no_thickness = |part: &Part| GraspError::NoThickness { part: part.caption.clone(), why: part.no_volume };
+    let (label, _) = label_of(&part, labels)?;
     if options.part.is_some() && part.volume_m3.is_none() {
         return Err(no_thickness(&part));
     }
-    let place = match (&options.part, options.point) {
-        (Some(_), _) => Where::Part(named),
-        (None, Some(point)) => Where::Near(Point3::from(point) * meters_per_unit),
-        (None, None) => Where::Anywhere,
-    };
-    if let (Where::Near(near), Some(point)) = (place, options.point)
-        && let Some(distance_m) = surface.and_then(|surface| surface.distance_m(near))
-        && distance_m > FINGER_LENGTH_M
-    {
-        return Err(GraspError::PointTooFar { point, distance_mm: distance_m * 1e3, finger_mm: FINGER_LENGTH_M * 1e3 });
-    }
+    let place = place(label, surface, meters_per_unit, options)?;
     let doubt = options.part.as_deref().and_then(|name| grasped_part::doubt(&part, name));
     let mut warnings: Vec<String> = doubt.into_iter().collect();
-    let found = surface.map(|surface| {
-        let object = Object { parts, labels, surface };
-        candidates::candidates(&object, place, gripper, options)
-    });
-    let Found { candidates, left_out } = match found {
-        Some(Err(
-            error @ (GraspError::StrokeTooSmall { .. } | GraspError::NoPlace { .. } | GraspError::Property { .. }),
-        )) if !options.names_a_place() => {
-            warnings.push(error.to_string());
-            Found::default()
-        }
-        Some(found) => found?,
-        None => Found::default(),
-    };
-    warnings.extend(left_out.iter().map(|why| format!("a part was left out of the search for places: {why}")));
+    let object = surface.map(|surface| Object { parts, labels, surface });
+    let candidates = search(object.as_ref(), place, gripper, options, &mut warnings)?;
     let (part, part_chosen, thickness_m) = match candidates.first() {
         Some(best) => {
             let part = parts.of_label(best.part_id).unwrap_or(part);
@@ -189,7 +164,8 @@ pub fn grasp(
             (part, chosen, thickness_m)
         }
     };
-    let inputs = Inputs::of(parts, label(part.id)?.1, thickness_m, gripper, options)?;
+    let (_, label) = label_of(&part, labels)?;
+    let inputs = Inputs::of(parts, label, thickness_m, gripper, options)?;
     let Forces { inputs, intervals, f_min_n, upper, star, .. } = inputs.forces(&part.caption, gripper, options)?;
     let infeasible = match (star.infeasible_because, candidates.first()) {
         (Some(reason), _) => Some(Infeasible::of_force(reason, f_min_n, upper.newtons, gripper)),
@@ -197,14 +173,6 @@ pub fn grasp(
         (None, _) => None,
     };
     warnings.extend(infeasible.as_ref().map(|why| format!("no safe grip: {why}")));
-    let mut notes = Vec::new();
-    if !gripper.is_calibrated() {
-        notes.push(format!(
-            "gripper {:?} has no calibration points: its command is taken to be linear in the force; `gprop grasp \
-             calibrate` makes a profile from measurements",
-            gripper.name
-        ));
-    }
     Ok(GraspReport {
         part: part.caption,
         part_id: part.id,
@@ -226,6 +194,71 @@ pub fn grasp(
         estimated_scale: parts.estimated_scale.is_some(),
         candidates,
         warnings,
-        notes,
+        notes: note_on_command(gripper).into_iter().collect(),
+    })
+}
+
+/// The label of a part, with its number among the labels.
+fn label_of<'a>(part: &Part, labels: &'a [FieldLabel]) -> Result<(u32, &'a FieldLabel), GraspError> {
+    let of_part = (0..).zip(labels).find(|(_, label)| label.id == part.id);
+    of_part.ok_or(GraspError::NoLabel { part: part.id })
+}
+
+fn no_thickness(part: &Part) -> GraspError {
+    GraspError::NoThickness { part: part.caption.clone(), why: part.no_volume }
+}
+
+/// Where to look for places: on the part that the user names, whose label has the number `named`, or near the point.
+///
+/// # Errors
+/// [`GraspError::PointTooFar`] if no finger reaches the object from the point.
+fn place(named: u32, surface: Option<&Surface>, meters_per_unit: f64, options: &Options) -> Result<Where, GraspError> {
+    let point = match (&options.part, options.point) {
+        (Some(_), _) => return Ok(Where::Part(named)),
+        (None, None) => return Ok(Where::Anywhere),
+        (None, Some(point)) => point,
+    };
+    let near = Point3::from(point) * meters_per_unit;
+    match surface.and_then(|surface| surface.distance_m(near)) {
+        Some(distance_m) if distance_m > FINGER_LENGTH_M => {
+            Err(GraspError::PointTooFar { point, distance_mm: distance_m * 1e3, finger_mm: FINGER_LENGTH_M * 1e3 })
+        }
+        _ => Ok(Where::Near(near)),
+    }
+}
+
+/// The best places on the object, none if it has no surface. That there is no place is an error only if the user says
+/// where to grasp, and otherwise a warning.
+fn search(
+    object: Option<&Object>,
+    place: Where,
+    gripper: &GripperProfile,
+    options: &Options,
+    warnings: &mut Vec<String>,
+) -> Result<Vec<Candidate>, GraspError> {
+    let Some(object) = object else { return Ok(Vec::new()) };
+    match candidates::candidates(object, place, gripper, options) {
+        Ok(Found { candidates, left_out }) => {
+            warnings.extend(left_out.iter().map(|why| format!("a part was left out of the search for places: {why}")));
+            Ok(candidates)
+        }
+        Err(error @ (GraspError::StrokeTooSmall { .. } | GraspError::NoPlace { .. } | GraspError::Property { .. }))
+            if !options.names_a_place() =>
+        {
+            warnings.push(error.to_string());
+            Ok(Vec::new())
+        }
+        Err(error) => Err(error),
+    }
+}
+
+/// A note if nobody measured the forces that belong to the gripper's commands.
+fn note_on_command(gripper: &GripperProfile) -> Option<String> {
+    (!gripper.is_calibrated()).then(|| {
+        format!(
+            "gripper {:?} has no calibration points: its command is taken to be linear in the force; `gprop grasp \
+             calibrate` makes a profile from measurements",
+            gripper.name
+        )
     })
 }

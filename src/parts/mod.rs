@@ -33,6 +33,7 @@ use crate::vote::{Contents, FieldLabel, MaterialField};
 use crate::words::output::{agreeing, counted};
 use crate::words::progress::Progress;
 use crate::words::readable::significant;
+use assign::Labelled;
 pub(crate) use clean::without_floaters;
 use compose::{Composed, Construction, thickness, wire};
 pub use error::PartsError;
@@ -152,24 +153,16 @@ pub fn parts(
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
     let lacks_walls = meters_per_unit.is_none() && is_solid.contains(&false);
     let mut warnings = warnings(field, floaters, &shapes, lacks_walls);
-    let enclosed = cells.label.iter().filter(|label| **label != NONE).count() as f64 * cells.grid.cell_volume();
-    let enclosed_m3 = enclosed * meters_per_unit.unwrap_or(1.0).powi(3);
+    let enclosed_m3 = enclosed(&cells) * meters_per_unit.unwrap_or(1.0).powi(3);
     warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
     let notes = notes(field, floaters, &shapes, &constructions, &composed, options.min_part_share);
     let parts = meters_per_unit.map(|_| {
         let weighables = weighables(&shapes, field, &constructions, &composed, &bodies);
-        let weighable_of = |weight: &Weight| &weighables[weight.of];
-        let (fillings, solids): (Vec<&Weight>, Vec<&Weight>) = weights.all.iter().partition(|weight| weight.is_filling);
+        let (parts, fillings) = weighed(&weights, &weighables, options);
         Parts {
             object: mass::object(&weights, &whole),
-            parts: solids
-                .iter()
-                .flat_map(|weight| weighable_of(weight).parts(&weights, weight, options.bodies))
-                .collect(),
-            fillings: fillings
-                .iter()
-                .filter_map(|weight| weighable_of(weight).filling_part(&weights, weight))
-                .collect(),
+            parts,
+            fillings,
             known_mass,
             meters_per_unit: weights.uncertain_scale(),
             estimated_scale: scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|s| s.provenance.clone()),
@@ -199,6 +192,19 @@ fn weighables<'a>(
         hollow: composed.hollows[l].as_ref(),
     })
     .collect()
+}
+
+/// The solid parts with their masses, and the fillings.
+fn weighed(weights: &Weights, weighables: &[Weighable], options: &Options) -> (Vec<Part>, Vec<Filling>) {
+    let (fillings, solids): (Vec<&Weight>, Vec<&Weight>) = weights.all.iter().partition(|weight| weight.is_filling);
+    let parts_of = |weight: &&Weight| weighables[weight.of].parts(weights, weight, options.bodies);
+    let filling_of = |weight: &&Weight| weighables[weight.of].filling_part(weights, weight);
+    (solids.iter().flat_map(parts_of).collect(), fillings.iter().filter_map(filling_of).collect())
+}
+
+/// The volume within the object's surface, in cubed scene units.
+fn enclosed(cells: &Labelled) -> f64 {
+    cells.label.iter().filter(|label| **label != NONE).count() as f64 * cells.grid.cell_volume()
 }
 
 /// The item, if it is the only one.

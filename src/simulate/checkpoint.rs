@@ -96,6 +96,14 @@ impl Checkpoint {
         self.record.frames.len()
     }
 
+    /// Checks that it belongs to the run with this identity.
+    pub(super) fn require_identity(&self, identity: &[u8; 32]) -> Result<(), SimulateError> {
+        if self.identity != *identity {
+            return Err(SimulateError::Checkpoint("it belongs to another scene or other options".to_owned()));
+        }
+        Ok(())
+    }
+
     /// Checks that its frames are the first of a run of `frames` frames, at the times that `time_of` gives, and that an object can
     /// be where they say.
     pub(super) fn require_times(&self, frames: usize, time_of: &dyn Fn(usize) -> f64) -> Result<(), SimulateError> {

@@ -76,6 +76,9 @@ pub fn simulate<E: From<SimulateError>>(
     on_frame: &mut dyn FnMut(&Frame, &Snapshot) -> Result<(), E>,
     progress: Progress,
 ) -> Result<SimulationReport, E> {
+    let setup = setup::set_up(input, options)?;
+    progress.line(&announcement(&setup));
+    let identity = identity(&setup, options);
     let Setup {
         setting,
         ground,
@@ -88,33 +91,16 @@ pub fn simulate<E: From<SimulateError>>(
         duration_s,
         falls_until_s,
         actions,
-        minutes,
         most_substeps,
         mut report,
-    } = setup::set_up(input, options)?;
-    let deforming = bodies.body_of.iter().filter(|body| body.is_none()).count();
-    let deform = match deforming {
-        0 => "none of which deforms".to_owned(),
-        _ => format!("{} of which {}", thousands(deforming as u64), agreeing(deforming, "deforms", "deform")),
-    };
-    let at_most = if minutes < 1.0 { "a minute".to_owned() } else { counted(minutes.ceil() as usize, "minute") };
-    progress.line(&format!(
-        "simulate  {}, {deform}{}, for {duration_s:.2} s: at most {at_most}",
-        counted(start.len(), "particle"),
-        report.rigid_to_save_time()
-    ));
-    let course =
-        format!("{setting:?} {ground:?} {:?} {bound:?} {actions:?} {} {duration_s}", report.rigid, options.frames);
-    let identity = checkpoint::identity(&start, &course);
+        ..
+    } = setup;
     let time_of = |frame: usize| duration_s * frame as f64 / f64::from(options.frames - 1);
     let (mut record, mut object) = match resume {
-        Some(checkpoint) if checkpoint.identity == identity => {
+        Some(checkpoint) => {
+            checkpoint.require_identity(&identity)?;
             checkpoint.require_times(options.frames as usize, &time_of)?;
             resumed(checkpoint, start, setting, &bodies, &ground)?
-        }
-        Some(_) => {
-            let problem = "it belongs to another scene or other options".to_owned();
-            return Err(SimulateError::Checkpoint(problem).into());
         }
         None => {
             let record = Record { substeps: 0, longest_dt_s: 0.0, frames: vec![] };
@@ -129,7 +115,7 @@ pub fn simulate<E: From<SimulateError>>(
             let span = [time_of(index - 1), time_of(index)];
             let started_s = fall(&mut object, falls_until_s, span);
             let material = |particle: usize| input.materials[labels[particle] as usize].name.clone();
-            advance(&mut object, (&bound, most_substeps), &actions, [started_s, span[1]], &mut record)
+            advance(&mut object, &bound, most_substeps, &actions, [started_s, span[1]], &mut record)
                 .map_err(|failure| failure.into_error(index, material, to_world))?;
         }
         let particles = object.particles();
@@ -146,6 +132,31 @@ pub fn simulate<E: From<SimulateError>>(
     report.frames = record.frames;
     report.note_pressures(object.bodies().iter().flat_map(Body::faces).map(|face| (face.part, face.peak_pressure_pa)));
     Ok(report)
+}
+
+/// How much there is to simulate, and how long it takes at most.
+fn announcement(setup: &Setup) -> String {
+    let deforming = setup.bodies.body_of.iter().filter(|body| body.is_none()).count();
+    let deform = match deforming {
+        0 => "none of which deforms".to_owned(),
+        _ => format!("{} of which {}", thousands(deforming as u64), agreeing(deforming, "deforms", "deform")),
+    };
+    let minutes = setup.minutes;
+    let at_most = if minutes < 1.0 { "a minute".to_owned() } else { counted(minutes.ceil() as usize, "minute") };
+    format!(
+        "simulate  {}, {deform}{}, for {:.2} s: at most {at_most}",
+        counted(setup.start.len(), "particle"),
+        setup.report.rigid_to_save_time(),
+        setup.duration_s
+    )
+}
+
+/// The identity of the run: a checkpoint of another one cannot be resumed.
+fn identity(setup: &Setup, options: &Options) -> [u8; 32] {
+    let Setup { setting, ground, bound, actions, duration_s, report, .. } = setup;
+    let course =
+        format!("{setting:?} {ground:?} {:?} {bound:?} {actions:?} {} {duration_s}", report.rigid, options.frames);
+    checkpoint::identity(&setup.start, &course)
 }
 
 /// The object as a checkpoint holds it; the particles of its rigid bodies are those of the start.
@@ -234,7 +245,8 @@ fn fall(object: &mut Object, until_s: f64, [from_s, to_s]: [f64; 2]) -> f64 {
 /// each frame because a resumed run starts with a new one.
 fn advance(
     object: &mut Object,
-    (bound, most_substeps): (&StepBound, u64),
+    bound: &StepBound,
+    most_substeps: u64,
     actions: &[Acting],
     [from_s, to_s]: [f64; 2],
     record: &mut Record,

@@ -7,6 +7,7 @@ use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
 use super::text::{quoted, triple};
 use crate::export::Rigid;
+use crate::vote::FieldLabel;
 
 /// The attributes of the rigid body's mass.
 pub fn mass(rigid: &Rigid) -> String {
@@ -38,14 +39,19 @@ fn principal(inertia: [[f64; 3]; 3]) -> ([f64; 3], UnitQuaternion<f64>) {
     (eigen.eigenvalues.into(), turn)
 }
 
+/// The materials of all parts, and the one of the Gaussians.
 pub fn write_materials(text: &mut String, rigid: &Rigid) {
-    let name = &rigid.name;
     text.push_str("    def Scope \"materials\"\n    {\n");
-    for label in rigid.labels {
-        let path = format!("/{name}/materials/part{}", label.id);
-        let _ = write!(
-            text,
-            r#"        def Material "part{id}" (
+    rigid.labels.iter().for_each(|label| write_part_material(text, &rigid.name, label));
+    write_splat_material(text, &rigid.name);
+    text.push_str("    }\n\n");
+}
+
+fn write_part_material(text: &mut String, name: &str, label: &FieldLabel) {
+    let path = format!("/{name}/materials/part{}", label.id);
+    let _ = write!(
+        text,
+        r#"        def Material "part{id}" (
             prepend apiSchemas = ["PhysicsMaterialAPI", "SemanticsLabelsAPI:material"]
             doc = {doc}
         )
@@ -84,14 +90,16 @@ pub fn write_materials(text: &mut String, rigid: &Rigid) {
             }}
         }}
 "#,
-            id = label.id,
-            doc = quoted(&format!("{}: {}", label.material, label.caption)),
-            density = label.density_kg_m3.mid,
-            friction = label.friction_rubber.mid,
-            family = quoted(&label.family),
-            material = quoted(&label.material),
-        );
-    }
+        id = label.id,
+        doc = quoted(&format!("{}: {}", label.material, label.caption)),
+        density = label.density_kg_m3.mid,
+        friction = label.friction_rubber.mid,
+        family = quoted(&label.family),
+        material = quoted(&label.material),
+    );
+}
+
+fn write_splat_material(text: &mut String, name: &str) {
     let _ = write!(
         text,
         r#"        # For renderers that draw the Gaussians as points.
@@ -117,8 +125,6 @@ pub fn write_materials(text: &mut String, rigid: &Rigid) {
                 float3 outputs:result
             }}
         }}
-    }}
-
 "#
     );
 }

@@ -196,10 +196,6 @@ impl Conditions {
     /// way.
     pub fn new(boundaries: &[Boundary], particles: &[Particle], dt: f64, cells: usize) -> Self {
         let mut all = Self::default();
-        let within = |point: Vec3, size: Vec3| -> Vec<bool> {
-            let inside = |p: &Particle| (p.position - point).abs();
-            particles.iter().map(inside).map(|o| (0..3).all(|a| o[a] < size[a])).collect()
-        };
         for boundary in boundaries {
             match *boundary {
                 Boundary::BoundingBox {} => all.on_grid.push(OnGrid::BoundingBox { cells }),
@@ -211,42 +207,36 @@ impl Conditions {
                 Boundary::SurfaceCollider { point, normal, surface, start_time, end_time, .. } => {
                     // The peer computes slip, friction and separation, but then stops the node anyway.
                     let span = PlaneSpan(Span { start: start_time, end: end_time });
-                    let normal = unit(normal);
-                    let cut = surface == Surface::Cut;
-                    all.on_grid.push(OnGrid::Plane { span, point: point.into(), normal, cut });
+                    let (point, normal, cut) = (point.into(), unit(normal), surface == Surface::Cut);
+                    all.on_grid.push(OnGrid::Plane { span, point, normal, cut });
                 }
                 Boundary::ParticleImpulse { force, num_dt, start_time, point, size } => {
                     all.impulses.push(OnParticles {
                         span: Span { start: start_time, end: start_time + dt * f64::from(num_dt) },
-                        mask: within(point.into(), size.into()),
+                        mask: in_box(particles, point.into(), size.into()),
                         action: Action::Push(force.into()),
                     });
                 }
                 Boundary::EnforceParticleTranslation { point, size, velocity, start_time, end_time } => {
                     all.modifiers.push(OnParticles {
                         span: Span { start: start_time, end: end_time },
-                        mask: within(point.into(), size.into()),
+                        mask: in_box(particles, point.into(), size.into()),
                         action: Action::Set(velocity.into()),
                     });
                 }
                 Boundary::EnforceParticleVelocityRotation {
                     point,
                     normal,
-                    half_height_and_radius: [half_height, radius],
+                    half_height_and_radius,
                     rotation_scale: rate,
                     translation_scale: along,
                     start_time,
                     end_time,
                 } => {
                     let (point, normal) = (Vector3::from(point), unit(normal));
-                    let in_cylinder = |p: &Particle| {
-                        let offset = p.position - point;
-                        let height = offset.dot(&normal);
-                        height.abs() < half_height && (offset - normal * height).norm() < radius
-                    };
                     all.modifiers.push(OnParticles {
                         span: Span { start: start_time, end: end_time },
-                        mask: particles.iter().map(in_cylinder).collect(),
+                        mask: in_cylinder(particles, point, normal, half_height_and_radius),
                         action: Action::Turn(Turn::new(point, normal, rate, along)),
                     });
                 }
@@ -258,26 +248,48 @@ impl Conditions {
                     end_time,
                     ..
                 } => {
-                    // Boxes around the end position, each thinner than the one before, are released one after the
-                    // other.
-                    let axis = (0..3).rfind(|&a| normal[a] != 0.0).expect("checked by the configuration");
-                    let mut point = normal.map(|n| if n == 0.0 { 1.0 } else { 0.0 });
-                    let mut size = point;
-                    point[axis] = end_position as f32;
-                    let layer = f64::from((start_position - end_position).abs() as f32) / LAYERS as f64;
-                    for i in 0..LAYERS {
-                        size[axis] = (layer * (LAYERS - i) as f64) as f32;
-                        all.modifiers.push(OnParticles {
-                            span: Span { start: start_time, end: end_time / LAYERS as f64 * (i + 1) as f64 },
-                            mask: within(point.into(), size.into()),
-                            action: Action::Set(Vec3::zeros()),
-                        });
-                    }
+                    let span = Span { start: start_time, end: end_time };
+                    all.modifiers.extend(held_in_layers(particles, normal, [start_position, end_position], span));
                 }
             }
         }
         all
     }
+}
+
+/// Per particle: whether it is nearer to `point` than `size` along each axis.
+fn in_box(particles: &[Particle], point: Vec3, size: Vec3) -> Vec<bool> {
+    let offsets = particles.iter().map(|p| (p.position - point).abs());
+    offsets.map(|offset| (0..3).all(|a| offset[a] < size[a])).collect()
+}
+
+/// Per particle: whether it lies in the cylinder around `point` along `normal`.
+fn in_cylinder(particles: &[Particle], point: Vec3, normal: Vec3, [half_height, radius]: [f32; 2]) -> Vec<bool> {
+    let is_inside = |p: &Particle| {
+        let offset = p.position - point;
+        let height = offset.dot(&normal);
+        height.abs() < half_height && (offset - normal * height).norm() < radius
+    };
+    particles.iter().map(is_inside).collect()
+}
+
+/// Holds the particles in boxes around the end position, each thinner than the one before, and releases one box after
+/// the other.
+fn held_in_layers(particles: &[Particle], normal: [f32; 3], [from, to]: [f64; 2], span: Span) -> Vec<OnParticles> {
+    let axis = (0..3).rfind(|&a| normal[a] != 0.0).expect("checked by the configuration");
+    let mut point = normal.map(|n| if n == 0.0 { 1.0 } else { 0.0 });
+    let mut size = point;
+    point[axis] = to as f32;
+    let layer = f64::from((from - to).abs() as f32) / LAYERS as f64;
+    let held = |i: usize| {
+        size[axis] = (layer * (LAYERS - i) as f64) as f32;
+        OnParticles {
+            span: Span { end: span.end / LAYERS as f64 * (i + 1) as f64, ..span },
+            mask: in_box(particles, point.into(), size.into()),
+            action: Action::Set(Vec3::zeros()),
+        }
+    };
+    (0..LAYERS).map(held).collect()
 }
 
 /// `normal` scaled to length one: the square root is in f32, the rest in f64, as in the peer.

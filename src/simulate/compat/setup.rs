@@ -62,36 +62,11 @@ pub struct Setup {
 pub fn set_up(gaussians: &Gaussians, config: &Config, estimated: Option<&Estimated>) -> Result<Setup, SimulateError> {
     let rotation = rotation(config);
     let mut opaque: Vec<bool> = (0..gaussians.len()).map(|i| gaussians.opacity(i) > config.opacity_threshold).collect();
-    let turned = |i: u32| rotation * gaussians.center(i as usize).coords;
-    let in_area = |p: &Vector3<f64>| {
-        config.sim_area.is_none_or(|area| (0..3).all(|a| area[2 * a] < p[a] && p[a] < area[2 * a + 1]))
-    };
-    let mut carried = Vec::new();
-    let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
-    for i in (0..gaussians.len() as u32).filter(|&i| opaque[i as usize]) {
-        let place = turned(i);
-        if place.iter().any(|x| !x.is_finite()) {
-            let position = gaussians.positions[i as usize].map(f64::from);
-            return Err(SimulateError::Position { what: "Gaussian", index: i as usize, position });
-        }
-        if in_area(&place) {
-            (low, high) = (low.inf(&place), high.sup(&place));
-            carried.push(i);
-        }
-    }
-    if gaussians.is_empty() {
-        return Err(SimulateError::NoParticles);
-    }
-    if carried.is_empty() {
-        let problem = "no Gaussian of the scene lies in `sim_area` and has an opacity above `opacity_threshold`";
-        return Err(SimulateError::Configuration(problem.to_owned()));
-    }
-    let longest = (high - low).max();
-    if longest <= 0.0 {
-        return Err(SimulateError::NoExtent);
-    }
-    let to_box = ToBox { rotation, middle: (low + high) / 2.0, scale: config.scale / longest };
-    let mut places: Vec<Vector3<f32>> = carried.iter().map(|&i| to_box.apply(&turned(i)).map(|x| x as f32)).collect();
+    let chosen = chosen(gaussians, config, &rotation, &opaque)?;
+    let to_box = to_box(rotation, &chosen, config)?;
+    let mut places: Vec<Vector3<f32>> =
+        chosen.iter().map(|(_, turned)| to_box.apply(turned).map(|x| x as f32)).collect();
+    let mut carried: Vec<u32> = chosen.into_iter().map(|(i, _)| i).collect();
     let mut scene = gaussians.clone();
     let outside = places.len();
     // The Gaussian of each particle; of those of the inside, the nearest one.
@@ -113,17 +88,80 @@ pub fn set_up(gaussians: &Gaussians, config: &Config, estimated: Option<&Estimat
             opaque.resize(scene.len(), true);
         }
     }
+    check_in_box(&places, config)?;
+    let particles = particles(config, estimated, &places, &sources);
+    Ok(Setup { filled: particles.len() - outside, particles, carried, scene, opaque, to_box })
+}
+
+/// The Gaussians that are simulated, by index, with their centres turned by the configuration's rotations.
+///
+/// # Errors
+/// If there are none, or the position of an opaque one is not finite.
+fn chosen(
+    gaussians: &Gaussians,
+    config: &Config,
+    rotation: &Rotation3<f64>,
+    opaque: &[bool],
+) -> Result<Vec<(u32, Vector3<f64>)>, SimulateError> {
+    let in_area = |p: &Vector3<f64>| {
+        config.sim_area.is_none_or(|area| (0..3).all(|a| area[2 * a] < p[a] && p[a] < area[2 * a + 1]))
+    };
+    let mut chosen = Vec::new();
+    for i in (0..gaussians.len()).filter(|&i| opaque[i]) {
+        let turned = rotation * gaussians.center(i).coords;
+        if turned.iter().any(|x| !x.is_finite()) {
+            let position = gaussians.positions[i].map(f64::from);
+            return Err(SimulateError::Position { what: "Gaussian", index: i, position });
+        }
+        if in_area(&turned) {
+            chosen.push((i as u32, turned));
+        }
+    }
+    if gaussians.is_empty() {
+        return Err(SimulateError::NoParticles);
+    }
+    if chosen.is_empty() {
+        let problem = "no Gaussian of the scene lies in `sim_area` and has an opacity above `opacity_threshold`";
+        return Err(SimulateError::Configuration(problem.to_owned()));
+    }
+    Ok(chosen)
+}
+
+/// The map that brings the longest side of the chosen Gaussians to the configuration's scale.
+fn to_box(rotation: Rotation3<f64>, chosen: &[(u32, Vector3<f64>)], config: &Config) -> Result<ToBox, SimulateError> {
+    let (mut low, mut high) = (Vector3::repeat(f64::INFINITY), Vector3::repeat(f64::NEG_INFINITY));
+    for (_, turned) in chosen {
+        (low, high) = (low.inf(turned), high.sup(turned));
+    }
+    let longest = (high - low).max();
+    if longest <= 0.0 {
+        return Err(SimulateError::NoExtent);
+    }
+    Ok(ToBox { rotation, middle: (low + high) / 2.0, scale: config.scale / longest })
+}
+
+fn check_in_box(places: &[Vector3<f32>], config: &Config) -> Result<(), SimulateError> {
     let side = config.grid_lim as f32;
-    if let Some(index) = places.iter().position(|p| p.iter().any(|x| !(0.0..side).contains(x))) {
-        return Err(SimulateError::Configuration(format!(
+    match places.iter().position(|p| p.iter().any(|x| !(0.0..side).contains(x))) {
+        Some(index) => Err(SimulateError::Configuration(format!(
             "particle {index} lies at {:?}, outside the box with a side of {side}: lower `scale`",
             places[index].as_slice()
-        )));
+        ))),
+        None => Ok(()),
     }
+}
+
+/// Particles at rest; `sources` are the Gaussians from which each takes its material, if that is estimated.
+fn particles(
+    config: &Config,
+    estimated: Option<&Estimated>,
+    places: &[Vector3<f32>],
+    sources: &[u32],
+) -> Vec<Particle> {
     let dx = (config.grid_lim / config.n_grid as f64) as f32;
-    let particles: Vec<Particle> = match estimated {
+    match estimated {
         None => {
-            let volumes = filling::volumes(&places, config.n_grid, dx, config.material == LawName::Sand);
+            let volumes = filling::volumes(places, config.n_grid, dx, config.material == LawName::Sand);
             let particle = |(place, volume): (&Vector3<f32>, f32)| {
                 let (strength, density) = strength_at(config, place);
                 Particle::at_rest(*place, volume, density * volume, strength)
@@ -132,11 +170,10 @@ pub fn set_up(gaussians: &Gaussians, config: &Config, estimated: Option<&Estimat
         }
         Some(estimated) => {
             let is_sand = |&i: &u32| estimated.of(i).law == LawName::Sand;
-            let volumes = filling::volumes(&places, config.n_grid, dx, sources.iter().all(is_sand));
-            estimated.particles(config, &places, &volumes, &sources)
+            let volumes = filling::volumes(places, config.n_grid, dx, sources.iter().all(is_sand));
+            estimated.particles(config, places, &volumes, sources)
         }
-    };
-    Ok(Setup { filled: particles.len() - outside, particles, carried, scene, opaque, to_box })
+    }
 }
 
 /// The configuration's rotations, applied one after the other.

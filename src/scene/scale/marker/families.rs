@@ -33,7 +33,8 @@ macro_rules! book {
 }
 
 const fn family(
-    (kind, name): (&'static str, &'static str),
+    kind: &'static str,
+    name: &'static str,
     inner: usize,
     count: usize,
     correctable: u32,
@@ -43,27 +44,27 @@ const fn family(
 }
 
 static FAMILIES: [Family; 21] = [
-    family((APRILTAG, "36h11"), 6, 587, 5, book!("36h11")),
-    family((APRILTAG, "25h9"), 5, 35, 4, book!("25h9")),
-    family((APRILTAG, "16h5"), 4, 30, 2, book!("16h5")),
-    family((ARUCO, "4x4_50"), 4, 50, 1, book!("4x4")),
-    family((ARUCO, "4x4_100"), 4, 100, 1, book!("4x4")),
-    family((ARUCO, "4x4_250"), 4, 250, 1, book!("4x4")),
-    family((ARUCO, "4x4_1000"), 4, 1000, 0, book!("4x4")),
-    family((ARUCO, "5x5_50"), 5, 50, 3, book!("5x5")),
-    family((ARUCO, "5x5_100"), 5, 100, 3, book!("5x5")),
-    family((ARUCO, "5x5_250"), 5, 250, 2, book!("5x5")),
-    family((ARUCO, "5x5_1000"), 5, 1000, 2, book!("5x5")),
-    family((ARUCO, "6x6_50"), 6, 50, 6, book!("6x6")),
-    family((ARUCO, "6x6_100"), 6, 100, 5, book!("6x6")),
-    family((ARUCO, "6x6_250"), 6, 250, 5, book!("6x6")),
-    family((ARUCO, "6x6_1000"), 6, 1000, 4, book!("6x6")),
-    family((ARUCO, "7x7_50"), 7, 50, 9, book!("7x7")),
-    family((ARUCO, "7x7_100"), 7, 100, 8, book!("7x7")),
-    family((ARUCO, "7x7_250"), 7, 250, 8, book!("7x7")),
-    family((ARUCO, "7x7_1000"), 7, 1000, 6, book!("7x7")),
-    family((ARUCO, "original"), 5, 1024, 0, book!("original")),
-    family((ARUCO, "mip_36h12"), 6, 250, 5, book!("mip_36h12")),
+    family(APRILTAG, "36h11", 6, 587, 5, book!("36h11")),
+    family(APRILTAG, "25h9", 5, 35, 4, book!("25h9")),
+    family(APRILTAG, "16h5", 4, 30, 2, book!("16h5")),
+    family(ARUCO, "4x4_50", 4, 50, 1, book!("4x4")),
+    family(ARUCO, "4x4_100", 4, 100, 1, book!("4x4")),
+    family(ARUCO, "4x4_250", 4, 250, 1, book!("4x4")),
+    family(ARUCO, "4x4_1000", 4, 1000, 0, book!("4x4")),
+    family(ARUCO, "5x5_50", 5, 50, 3, book!("5x5")),
+    family(ARUCO, "5x5_100", 5, 100, 3, book!("5x5")),
+    family(ARUCO, "5x5_250", 5, 250, 2, book!("5x5")),
+    family(ARUCO, "5x5_1000", 5, 1000, 2, book!("5x5")),
+    family(ARUCO, "6x6_50", 6, 50, 6, book!("6x6")),
+    family(ARUCO, "6x6_100", 6, 100, 5, book!("6x6")),
+    family(ARUCO, "6x6_250", 6, 250, 5, book!("6x6")),
+    family(ARUCO, "6x6_1000", 6, 1000, 4, book!("6x6")),
+    family(ARUCO, "7x7_50", 7, 50, 9, book!("7x7")),
+    family(ARUCO, "7x7_100", 7, 100, 8, book!("7x7")),
+    family(ARUCO, "7x7_250", 7, 250, 8, book!("7x7")),
+    family(ARUCO, "7x7_1000", 7, 1000, 6, book!("7x7")),
+    family(ARUCO, "original", 5, 1024, 0, book!("original")),
+    family(ARUCO, "mip_36h12", 6, 250, 5, book!("mip_36h12")),
 ];
 
 /// Prefixes of the families' names elsewhere: AprilTag's `tag36h11`, OpenCV's `DICT_4X4_50`.

@@ -86,44 +86,14 @@ const FEWEST_SHARP: usize = 3;
 /// # Errors
 /// [`SceneError::Scale`] if the marker is not seen or the views disagree; an error if a photo cannot be decoded.
 pub fn find(marker: Marker, side_m: f64, views: &[View]) -> Result<FoundMarker, SceneError> {
-    let family = marker.family;
-    let look = |view: &View| {
-        let plane = Plane::of(&view.photo()?.rgb);
-        Ok(detect(&plane, &Lens(view.camera.intrinsics), family))
-    };
-    let seen: Vec<Vec<Detection>> = views.par_iter().map(look).collect::<Result<_, SceneError>>()?;
     let refused = |problem: MarkerProblem| SceneError::Scale {
         given: format!("{marker}={side_m}"),
         problem: problem.to_string(),
     };
-    let mut sightings = Vec::new();
-    let mut others: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
-    for (view, detections) in seen.into_iter().enumerate() {
-        for detection in detections {
-            if detection.id == marker.id {
-                sightings.push(Sighting { view, camera: &views[view].camera, detection });
-            } else {
-                others.entry(detection.id).or_default().insert(view);
-            }
-        }
-    }
-    let named = |at: &Sighting| views[at.view].name.clone();
+    let named = |sighting: &Sighting| views[sighting.view].name.clone();
+    let sightings = sharpest(sightings(marker, views, &refused)?);
     let mut showing: Vec<String> = sightings.iter().map(named).collect();
     showing.dedup();
-    match showing.as_slice() {
-        [] => {
-            let found = others.into_iter().map(|(id, views)| (marker.sibling(id).to_string(), views.len())).collect();
-            return Err(refused(MarkerProblem::Unseen { views: views.len(), found }));
-        }
-        [view] => return Err(refused(MarkerProblem::Once { view: view.clone() })),
-        _ => {}
-    }
-    let sharp = sightings.iter().filter(|sighting| sighting.detection.sharpness >= LEAST_SHARPNESS);
-    let sharp: BTreeSet<usize> = sharp.map(|sighting| sighting.view).collect();
-    if sharp.len() >= FEWEST_SHARP {
-        sightings.retain(|sighting| sharp.contains(&sighting.view));
-        showing = sharp.iter().map(|view| views[*view].name.clone()).collect();
-    }
     let found = corners(&sightings);
     let agreeing = found.as_ref().map_or(1, |found| found.agreeing.len());
     let Some(found) = found.filter(|_| 2 * agreeing >= showing.len()) else {
@@ -150,4 +120,49 @@ pub fn find(marker: Marker, side_m: f64, views: &[View]) -> Result<FoundMarker, 
         )
     });
     Ok(FoundMarker { scale, warning })
+}
+
+/// Where the views see the marker, by view.
+///
+/// # Errors
+/// If a photo cannot be decoded; what `refused` makes of the problem if fewer than two views see it.
+fn sightings<'a>(
+    marker: Marker,
+    views: &'a [View],
+    refused: &dyn Fn(MarkerProblem) -> SceneError,
+) -> Result<Vec<Sighting<'a>>, SceneError> {
+    let look = |view: &View| {
+        let plane = Plane::of(&view.photo()?.rgb);
+        Ok(detect(&plane, &Lens(view.camera.intrinsics), marker.family))
+    };
+    let seen: Vec<Vec<Detection>> = views.par_iter().map(look).collect::<Result<_, SceneError>>()?;
+    let mut sightings = Vec::new();
+    let mut others: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
+    for (view, detections) in seen.into_iter().enumerate() {
+        for detection in detections {
+            if detection.id == marker.id {
+                sightings.push(Sighting { view, camera: &views[view].camera, detection });
+            } else {
+                others.entry(detection.id).or_default().insert(view);
+            }
+        }
+    }
+    let Some(first) = sightings.first().map(|sighting| sighting.view) else {
+        let found = others.into_iter().map(|(id, views)| (marker.sibling(id).to_string(), views.len())).collect();
+        return Err(refused(MarkerProblem::Unseen { views: views.len(), found }));
+    };
+    if sightings.iter().all(|sighting| sighting.view == first) {
+        return Err(refused(MarkerProblem::Once { view: views[first].name.clone() }));
+    }
+    Ok(sightings)
+}
+
+/// The sightings of the views that show the marker sharply; all of them if these are too few.
+fn sharpest(mut sightings: Vec<Sighting>) -> Vec<Sighting> {
+    let sharp = sightings.iter().filter(|sighting| sighting.detection.sharpness >= LEAST_SHARPNESS);
+    let sharp: BTreeSet<usize> = sharp.map(|sighting| sighting.view).collect();
+    if sharp.len() >= FEWEST_SHARP {
+        sightings.retain(|sighting| sharp.contains(&sighting.view));
+    }
+    sightings
 }
