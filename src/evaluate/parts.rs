@@ -56,7 +56,7 @@ pub struct SegmentsEvaluation {
     /// Mean number of true parts that a segment shows.
     pub true_parts_per_segment: Option<f64>,
     /// By the value in the true part maps. For each part, the pixels of all views are counted together; the best segment
-    /// and the number of pieces are means over the views that show it.
+    /// and the number of found parts are means over the views that show it.
     pub true_parts: BTreeMap<u8, TruePart>,
 }
 
@@ -70,7 +70,8 @@ pub struct TruePart {
     /// IoU of the best single found part.
     pub best_iou: f64,
     /// Number of found parts that show more of it than of any other.
-    pub pieces: f64,
+    #[serde(rename = "pieces")]
+    pub found_parts: f64,
 }
 
 /// Pixels by what they show: found part, then true part.
@@ -154,12 +155,12 @@ pub fn compare(scene: &str, gaussians: &Gaussians, part_of_gaussian: &[u16], vie
     }
     let counts_as = if known.both.is_empty() { compared.most_shown() } else { known.most_shown() };
     let of_value = |&value: &u8| {
-        let pieces: Vec<u32> = counts_as.iter().filter(|(_, of)| **of == value).map(|(&found, _)| found).collect();
+        let found_parts: Vec<u32> = counts_as.iter().filter(|(_, of)| **of == value).map(|(&found, _)| found).collect();
         let scored = TruePart {
             share: compared.share(value),
-            iou: compared.iou(value, |found| pieces.contains(&found)),
+            iou: compared.iou(value, |found| found_parts.contains(&found)),
             best_iou: compared.best_iou(value, counts_as.keys().copied()),
-            pieces: pieces.len() as f64,
+            found_parts: found_parts.len() as f64,
         };
         (value, scored)
     };
@@ -187,18 +188,18 @@ pub fn compare_segments(views: &[(&LabelMap, &GrayImage)]) -> Option<SegmentsEva
         count += map.labels.iter().filter(|id| **id > 0).collect::<BTreeSet<_>>().len();
         shown.extend(counts_as.keys().filter_map(|&segment| own.shown_by(segment)));
         for value in own.values() {
-            let (best, pieces, views) = of_part.entry(value).or_default();
+            let (best, found_parts, views) = of_part.entry(value).or_default();
             *best += own.best_iou(value, counts_as.keys().copied());
-            *pieces += counts_as.values().filter(|of| **of == value).count() as f64;
+            *found_parts += counts_as.values().filter(|of| **of == value).count() as f64;
             *views += 1;
         }
     }
-    let of_value = |(&value, &(best, pieces, views)): (&u8, &(f64, f64, usize))| {
+    let of_value = |(&value, &(best, found_parts, views)): (&u8, &(f64, f64, usize))| {
         let scored = TruePart {
             share: all.share(value),
             iou: all.iou(value, |found| found == u32::from(value)),
             best_iou: best / views as f64,
-            pieces: pieces / views as f64,
+            found_parts: found_parts / views as f64,
         };
         (value, scored)
     };
@@ -270,9 +271,9 @@ impl PartsEvaluation {
 }
 
 fn table(true_parts: &BTreeMap<u8, TruePart>) -> String {
-    let mut text = format!("{:>10} {:>10} {:>8} {:>10} {:>8}\n", "true part", "share", "IoU", "best IoU", "pieces");
-    for (value, TruePart { share, iou, best_iou, pieces }) in true_parts {
-        text += &format!("{value:>10} {:>8.2} % {iou:>8.3} {best_iou:>10.3} {pieces:>8.1}\n", 100.0 * share);
+    let mut text = format!("{:>10} {:>10} {:>8} {:>10} {:>8}\n", "true part", "share", "IoU", "best IoU", "parts");
+    for (value, TruePart { share, iou, best_iou, found_parts }) in true_parts {
+        text += &format!("{value:>10} {:>8.2} % {iou:>8.3} {best_iou:>10.3} {found_parts:>8.1}\n", 100.0 * share);
     }
     text
 }

@@ -3,7 +3,7 @@
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
-use crate::gaussians::{BODY_DEVIATIONS, Gaussians};
+use crate::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
 
 /// An axis-aligned box in the world frame, scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -30,10 +30,10 @@ impl Bounds {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Side {
     pub length: f64,
-    /// How far off the length may be either way: by as much as it shrinks if `STRAY_SHARE` of the bodies count as strays,
+    /// How far off the length may be either way: by as much as it shrinks if `STRAY_SHARE` of the ellipsoids count as strays,
     /// not `STRAY_BODIES`. It is estimated from the cloud alone and is no calibrated interval: of the twelve sides of the
     /// four fixtures, it covers the true lengths of nine, and misses the others by at most half a percent of the length. 0
-    /// for so few bodies that neither share amounts to one.
+    /// for so few ellipsoids that neither share amounts to one.
     pub error: f64,
 }
 
@@ -68,13 +68,13 @@ pub fn longest_side(gaussians: &Gaussians) -> f64 {
 /// Share of the centres that are left out at each end of an axis: trained splats have floaters, and one of them would
 /// stretch the full box.
 const STRAY_SHARE: f64 = 0.005;
-/// Share of the bodies that may reach beyond each end of a side: as for the half spaces that bound what no view sees (gprop's
+/// Share of the ellipsoids that may reach beyond each end of a side: as for the half spaces that bound what no view sees (gprop's
 /// `parts::inside::hull`), since there are always a few strays. Any share makes a side shorter, so a length that is to be
 /// exact leaves out fewer than a box that only has to show where the object is.
 const STRAY_BODIES: f64 = 0.001;
 
 /// The box between the 0.5 and the 99.5 percentile of the centres of the `opaque` Gaussians. It tells where the object is;
-/// [`sides`] tell how large it is, since its surface is where the bodies end, outside of their centres.
+/// [`sides`] tell how large it is, since its surface is where the ellipsoids end, outside of their centres.
 pub fn robust_bounds(gaussians: &Gaussians) -> Bounds {
     let chosen = opaque(gaussians);
     let mut bounds = Bounds { min: Point3::origin(), max: Point3::origin() };
@@ -85,13 +85,13 @@ pub fn robust_bounds(gaussians: &Gaussians) -> Bounds {
     bounds
 }
 
-/// The extents of the bodies of the Gaussians `chosen` along each column of `axes`.
+/// The extents of the ellipsoids of the Gaussians `chosen` along each column of `axes`.
 fn sides_along(axes: &Matrix3<f64>, gaussians: &Gaussians, chosen: &[usize]) -> [Side; 3] {
     [0, 1, 2].map(|axis| {
         let along: Vector3<f64> = axes.column(axis).into_owned();
         let ends = |&i: &usize| {
             let (center, reach) =
-                (along.dot(&gaussians.center(i).coords), BODY_DEVIATIONS * gaussians.deviation(i, &along));
+                (along.dot(&gaussians.center(i).coords), ELLIPSOID_DEVIATIONS * gaussians.deviation(i, &along));
             (center - reach, center + reach)
         };
         let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = chosen.par_iter().map(ends).unzip();
@@ -126,19 +126,19 @@ mod tests {
 
     use super::*;
 
-    /// Round Gaussians at these places, with bodies of this radius.
+    /// Round Gaussians at these places, with ellipsoids of this radius.
     fn cloud(positions: Vec<[f32; 3]>, radius: f64) -> Gaussians {
         let count = positions.len();
         Gaussians {
             positions,
-            log_scales: vec![[(radius / BODY_DEVIATIONS).ln() as f32; 3]; count],
+            log_scales: vec![[(radius / ELLIPSOID_DEVIATIONS).ln() as f32; 3]; count],
             rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
             opacity_logits: vec![3.0; count],
             ..Gaussians::default()
         }
     }
 
-    /// A rod of 10 x 1 x 1, turned by this angle, with one stray Gaussian. Its bodies end at its faces.
+    /// A rod of 10 x 1 x 1, turned by this angle, with one stray Gaussian. Its ellipsoids end at its faces.
     fn rod(angle: f64) -> Gaussians {
         const RADIUS: f64 = 0.25;
         let turned = Rotation3::from_euler_angles(0.3 * angle, angle, 0.7 * angle);
@@ -171,7 +171,7 @@ mod tests {
 
     #[test]
     fn the_error_of_a_side_is_what_a_few_more_strays_would_take_off() {
-        // 1000 centres on a line, a thousandth apart: one body is left out at either end, or five.
+        // 1000 centres on a line, a thousandth apart: one ellipsoid is left out at either end, or five.
         let line = cloud((0..1000).map(|i| [i as f32 / 1000.0, 0.0, 0.0]).collect(), 0.1);
         let [along, across, _] = sides(&line);
         assert!((along.length - (0.997 + 0.2)).abs() < ROUNDING && (along.error - 0.008).abs() < ROUNDING, "{along:?}");

@@ -7,9 +7,9 @@ use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 /// The constant spherical harmonic, `sqrt(1 / 4 pi)`: colour = 1/2 + this * `sh_dc` (3DGS, Kerbl et al. 2023).
 pub const SH_C0: f32 = 0.282_094_79;
 
-/// Semi-axes of a Gaussian's body, in standard deviations: `sqrt(5)`. A Gaussian represents a piece of solid: its body, the
-/// solid ellipsoid with the same covariance.
-pub const BODY_DEVIATIONS: f64 = 2.236_067_977_499_79;
+/// Semi-axes of a Gaussian's ellipsoid, in standard deviations: `sqrt(5)`. A Gaussian represents something solid: the
+/// ellipsoid with the same covariance.
+pub const ELLIPSOID_DEVIATIONS: f64 = 2.236_067_977_499_79;
 
 /// A cloud of 3D Gaussians. The arrays hold the values of the PLY: log scale, logit opacity, unnormalised quaternion (w
 /// x y z), spherical harmonics channel-major. Use the accessors for the physical values.

@@ -77,8 +77,8 @@ fn orientation(contacts: [Point3<f64>; 2], approach: Vector3<f64>) -> [f64; 4] {
     [turn.w, turn.i, turn.j, turn.k]
 }
 
-/// The object that is grasped.
-pub struct Object<'a> {
+/// The object, as the search for places needs it.
+pub struct Graspable<'a> {
     pub parts: &'a Parts,
     pub labels: &'a [FieldLabel],
     pub surface: &'a Surface,
@@ -99,7 +99,7 @@ pub struct Found {
 /// If every antipodal place is wider than the gripper's stroke, the mass is not positive, or none of the places has free
 /// space for the fingers; if parts were left out, why the first of them was.
 pub fn candidates(
-    object: &Object,
+    object: &Graspable,
     wanted: Where,
     gripper: &GripperProfile,
     options: &Options,
@@ -143,7 +143,13 @@ pub fn candidates(
 }
 
 /// Sorts places with their forces, the best first; `friction` is that of each label.
-fn rank(places: &mut Vec<(Place, Forces)>, object: &Object, wanted: Where, friction: &[f64], gripper: &GripperProfile) {
+fn rank(
+    places: &mut Vec<(Place, Forces)>,
+    object: &Graspable,
+    wanted: Where,
+    friction: &[f64],
+    gripper: &GripperProfile,
+) {
     let center = Point3::from(object.parts.object.center_of_mass_m);
     let distances = object.surface.points.iter().map(|p| (p.position - center).norm());
     let radius = distances.fold(f64::MIN_POSITIVE, f64::max);
@@ -168,7 +174,7 @@ fn rank(places: &mut Vec<(Place, Forces)>, object: &Object, wanted: Where, frict
 }
 
 /// The first [`REPORTED`] of the places that have free space for the fingers; of those that are the same, the first.
-fn best_with_space(ranked: &[(Place, Forces)], object: &Object, gripper: &GripperProfile) -> Vec<Candidate> {
+fn best_with_space(ranked: &[(Place, Forces)], object: &Graspable, gripper: &GripperProfile) -> Vec<Candidate> {
     let side = gripper.finger_side_m();
     let cells = Cells::new(&object.surface.obstacles, side.max(LEAST_CELL_M));
     let mut chosen: Vec<(&Place, Candidate)> = Vec::new();
@@ -188,7 +194,7 @@ fn best_with_space(ranked: &[(Place, Forces)], object: &Object, gripper: &Grippe
 
 /// The forces at a place; `None` if its part has no mass and so is not part of the object.
 fn forces_at(
-    object: &Object,
+    object: &Graspable,
     place: &Place,
     gripper: &GripperProfile,
     options: &Options,
@@ -214,7 +220,7 @@ fn same(a: &Place, b: &Place, side: f64) -> bool {
 }
 
 fn candidate(
-    object: &Object,
+    object: &Graspable,
     place: &Place,
     forces: &Forces,
     approach: Vector3<f64>,

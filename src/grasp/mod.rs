@@ -32,7 +32,7 @@ use serde::{Deserialize, Serialize};
 use crate::parts::{Part, Parts};
 use crate::vote::FieldLabel;
 pub use calibration_report::CalibrationReport;
-use candidates::{Candidate, Found, Object};
+use candidates::{Candidate, Found, Graspable};
 pub use error::GraspError;
 use fingers::FINGER_LENGTH_M;
 use grasped_part::PartChoice;
@@ -151,7 +151,7 @@ pub fn grasp(
     let place = place(label, surface, meters_per_unit, options)?;
     let doubt = options.part.as_deref().and_then(|name| grasped_part::doubt(&part, name));
     let mut warnings: Vec<String> = doubt.into_iter().collect();
-    let object = surface.map(|surface| Object { parts, labels, surface });
+    let object = surface.map(|surface| Graspable { parts, labels, surface });
     let candidates = search(object.as_ref(), place, gripper, options, &mut warnings)?;
     let (part, part_chosen, thickness_m) = match candidates.first() {
         Some(best) => {
@@ -230,7 +230,7 @@ fn place(named: u32, surface: Option<&Surface>, meters_per_unit: f64, options: &
 /// The best places on the object, none if it has no surface. That there is no place is an error only if the user says
 /// where to grasp, and otherwise a warning.
 fn search(
-    object: Option<&Object>,
+    object: Option<&Graspable>,
     place: Where,
     gripper: &GripperProfile,
     options: &Options,

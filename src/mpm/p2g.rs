@@ -106,20 +106,20 @@ impl Order<'_> {
 /// The nodes, divided at every [`SLAB`]th plane.
 fn planes<'a>(columns: &Columns, nodes: &'a mut [f32], slabs: usize) -> Vec<Mutex<Planes<'a>>> {
     let before = |planes: usize| columns.before_planes_of(planes);
-    let pieces = cut(nodes, (0..=slabs).map(|s| (before(s + 1) - before(s)) * NODE));
-    let piece = |(s, nodes): (usize, Mutex<&'a mut [f32]>)| {
+    let slices = cut(nodes, (0..=slabs).map(|s| (before(s + 1) - before(s)) * NODE));
+    let slice = |(s, nodes): (usize, Mutex<&'a mut [f32]>)| {
         Mutex::new(Planes { nodes: nodes.into_inner().expect("it was never locked"), before: before(s) })
     };
-    pieces.into_iter().enumerate().map(piece).collect()
+    slices.into_iter().enumerate().map(slice).collect()
 }
 
-/// Pieces of the given lengths.
+/// Slices of the given lengths.
 fn cut<T>(mut all: &mut [T], lengths: impl Iterator<Item = usize>) -> Vec<Mutex<&mut [T]>> {
     lengths
         .map(|length| {
-            let (piece, rest) = std::mem::take(&mut all).split_at_mut(length);
+            let (slice, rest) = std::mem::take(&mut all).split_at_mut(length);
             all = rest;
-            Mutex::new(piece)
+            Mutex::new(slice)
         })
         .collect()
 }

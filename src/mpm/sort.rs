@@ -26,11 +26,11 @@ pub struct Sorted {
 /// Particles as packs, each of one law, numbered in the given order. Particles that are packed are freed piece by
 /// piece.
 pub fn packed(first: usize, mut particles: Vec<Particle>) -> Vec<Pack> {
-    const PIECES: usize = 8;
-    let piece = particles.len().div_ceil(PIECES).max(1);
+    const CHUNKS: usize = 8;
+    let chunk = particles.len().div_ceil(CHUNKS).max(1);
     let mut packs = Vec::with_capacity(particles.len().div_ceil(LANES));
     while let Some(last) = particles.len().checked_sub(1) {
-        let start = last / piece * piece;
+        let start = last / chunk * chunk;
         let mut ids: Vec<u32> = (start as u32..particles.len() as u32).collect();
         let law = |id: &u32| particles[*id as usize].law;
         ids.sort_by_key(law);

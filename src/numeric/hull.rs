@@ -21,7 +21,7 @@ const DIRECTIONS: usize = 300;
 /// rounding errors.
 const ROUNDING: f64 = 1e-12;
 
-/// A convex body.
+/// A convex polyhedron.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Hull {
     pub vertices: Vec<Point3<f64>>,

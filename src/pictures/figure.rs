@@ -43,7 +43,7 @@ pub enum Shown {
 
 /// A field with all that is needed to draw it.
 #[derive(Clone, Copy)]
-pub struct Object<'a> {
+pub struct ShownObject<'a> {
     pub gaussians: &'a Gaussians,
     pub field: &'a MaterialField,
     /// `None` if unknown: there is no scale bar then.
@@ -51,7 +51,7 @@ pub struct Object<'a> {
 }
 
 /// Draws the field as `camera` sees it, cropped to the object in its `photo`.
-pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, object: Object) -> RgbImage {
+pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, object: ShownObject) -> RgbImage {
     let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
     let with_bar = |mut picture: RgbImage| {
         if let Some(meters_per_unit) = object.meters_per_unit {
@@ -73,13 +73,13 @@ pub fn draw(shown: Shown, camera: &Camera, photo: &Photo, object: Object) -> Rgb
     }
 }
 
-fn materials(framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
+fn materials(framing: &Framing, ShownObject { gaussians, field, .. }: ShownObject) -> Panel {
     let picture = framing.colored(gaussians, &field_colors::material_colors(field));
     Panel::new("Materials", picture).with_legend(legends::materials(field))
 }
 
 /// The parts, each with its number where the picture shows it.
-fn parts(framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
+fn parts(framing: &Framing, ShownObject { gaussians, field, .. }: ShownObject) -> Panel {
     let mut picture = framing.colored(gaussians, &field_colors::part_colors(field));
     let labels = framing.labels(gaussians, &field.part_label);
     let radius = (f64::from(picture.width().min(picture.height())) / 36.0).clamp(9.0, 15.0);
@@ -91,12 +91,12 @@ fn parts(framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
     Panel::new("Parts", picture).with_legend(legends::parts(field))
 }
 
-fn confidence(framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
+fn confidence(framing: &Framing, ShownObject { gaussians, field, .. }: ShownObject) -> Panel {
     let picture = framing.colored(gaussians, &field_colors::confidence_colors(field));
     Panel::new("Confidence", picture).with_legend(legends::confidence())
 }
 
-fn property(property: Property, framing: &Framing, Object { gaussians, field, .. }: Object) -> Panel {
+fn property(property: Property, framing: &Framing, ShownObject { gaussians, field, .. }: ShownObject) -> Panel {
     let picture = framing.colored(gaussians, &property.colors(field));
     Panel::new(property.title(), picture).with_legend(property.legend(field))
 }

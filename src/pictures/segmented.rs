@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use image::{Rgb, RgbImage};
 
-use super::figure::{Object, PANEL_NARROWEST, PANEL_PX};
+use super::figure::{PANEL_NARROWEST, PANEL_PX, ShownObject};
 use super::framing::Framing;
 use super::panels::{Entry, Key, Panel, compose};
 use super::{field_colors, palette, tinted};
@@ -42,7 +42,7 @@ pub fn before_and_after(
     photo: &Photo,
     map: &LabelMap,
     answered: &BTreeMap<u16, String>,
-    Object { gaussians, field, .. }: Object,
+    ShownObject { gaussians, field, .. }: ShownObject,
 ) -> RgbImage {
     let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
     let voted = material_names(&field.labels);

@@ -2,7 +2,7 @@
 
 use image::{DynamicImage, GenericImage, Rgb, RgbImage};
 
-use super::figure::{Object, Shown};
+use super::figure::{Shown, ShownObject};
 use super::panels::{self, Entry};
 use super::property::Property;
 use super::{field_colors, legends};
@@ -24,7 +24,7 @@ const LEGEND_SHARE: f64 = 0.5;
 
 /// The film of a turn.
 pub struct Turntable<'a> {
-    object: Object<'a>,
+    object: ShownObject<'a>,
     panels: Vec<Panel>,
     layout: Layout,
     cameras: Vec<Camera>,
@@ -55,7 +55,7 @@ struct Layout {
 
 impl<'a> Turntable<'a> {
     /// The film of `object`: photo colours, parts, materials and Young's modulus, or only what is `shown`.
-    pub fn new(shown: Shown, object: Object<'a>, film: film::Options) -> Self {
+    pub fn new(shown: Shown, object: ShownObject<'a>, film: film::Options) -> Self {
         let panels = panels_of(shown, object);
         let count = (TURN_S * film.fps) as usize;
         let bounds = robust_bounds(object.gaussians);
@@ -94,7 +94,7 @@ impl<'a> Turntable<'a> {
     }
 }
 
-fn panels_of(shown: Shown, object: Object) -> Vec<Panel> {
+fn panels_of(shown: Shown, object: ShownObject) -> Vec<Panel> {
     let field = object.field;
     let photo = || Panel { title: "Photo colours", colors: None, legend: Vec::new() };
     let parts =

@@ -14,7 +14,7 @@ pub fn version() -> String {
     format!("{}+format.{FORMAT_VERSION}", env!("CARGO_PKG_VERSION"))
 }
 
-/// SHA-256 over labelled pieces, each with its length, so that no two lists of pieces hash the same bytes.
+/// SHA-256 over strings of bytes, each with its length, so that no two lists of them hash the same bytes.
 #[derive(Clone)]
 pub struct Hasher(Sha256);
 

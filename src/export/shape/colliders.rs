@@ -2,10 +2,10 @@
 //! mug is solid.
 //!
 //! A hull reaches beyond the object by the distance from the object to the farthest place within the hull (its
-//! [`Overreach`]). Of each part, the body whose hull reaches farthest is cut by the plane that leaves the least volume in the
+//! [`Overreach`]). Of each part, the component whose hull reaches farthest is cut by the plane that leaves the least volume in the
 //! hulls of both sides, until no hull reaches farther than a tolerance. Then neighbours are joined if their common hull
 //! does not reach farther either. A hole stays open if a ball with twice the tolerance as its radius fits through it.
-//! Finally, the surface of every body is moved inward until its hull has the body's volume.
+//! Finally, the surface of every component is moved inward until its hull has the component's volume.
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
@@ -20,12 +20,12 @@ use crate::parts::{Grid, OUTSIDE, blur};
 const TOLERANCE: f64 = 0.009;
 const LEAST_CELLS: f64 = 2.0;
 /// A part with this many colliders is not cut further: with more, simulators become slow.
-const PIECES: usize = 32;
+const MOST_COLLIDERS: usize = 32;
 /// Positions at which a plane of each direction is tried.
 const CUTS: usize = 8;
 /// Cost of cuts whose sides differ in size, as a share of the volume: among nearly equal ones, the middle is taken.
 const BALANCE: f64 = 0.02;
-/// Points that stand for a body while cuts are compared.
+/// Points that stand for a component while cuts are compared.
 const SAMPLES: usize = 200;
 /// Points of the border that are this close to a cut, in cells, stand for its section. Faces across an axis lie half a cell
 /// apart from those along it.
@@ -37,7 +37,7 @@ const HALVINGS: usize = 6;
 const NEAR_SURFACE: f64 = 0.1;
 /// Points that are outside a face by less than this, in cells, lie in it.
 const FLAT: f64 = 1e-3;
-/// Bodies with a smaller share of their part's cells are crumbs, which are left out.
+/// Components with a smaller share of their part's cells are crumbs, which are left out.
 const CRUMB: f64 = 5e-4;
 
 /// A convex collision shape of one part.
@@ -87,19 +87,19 @@ fn diagonal(solid: &Solid) -> f64 {
     Vector3::new(side(0), side(1), side(2)).norm()
 }
 
-/// A connected body of cells.
-struct Body {
+/// A connected component of cells.
+struct Component {
     cells: Vec<u32>,
     border: Vec<Face>,
     hull: Hull,
     overreach: Overreach,
 }
 
-/// A face between a body's cell and another cell.
+/// A face between a component's cell and another cell.
 #[derive(Clone, Copy)]
 struct Face {
     center: Point3<f64>,
-    /// Unit vector out of the object; zero deep inside it, where the body borders on another.
+    /// Unit vector out of the object; zero deep inside it, where the component borders on another.
     outward: Vector3<f64>,
 }
 
@@ -110,59 +110,60 @@ struct Decomposition<'a> {
     blurred: &'a [f32],
     tolerance: f64,
     crumb: usize,
-    /// Per cell: its body, or [`NO_BODY`].
+    /// Per cell: its component, or [`NO_COMPONENT`].
     owner: Vec<u32>,
-    /// Number of bodies that have been created.
+    /// Number of components that have been created.
     named: u32,
-    bodies: Vec<Body>,
+    components: Vec<Component>,
 }
 
-const NO_BODY: u32 = u32::MAX;
+const NO_COMPONENT: u32 = u32::MAX;
 
 impl<'a> Decomposition<'a> {
     fn new(solid: &Solid, part: u32, clearance: &'a Clearance, blurred: &'a [f32], tolerance: f64) -> Self {
         let cells: Vec<u32> = (0..solid.part.len() as u32).filter(|i| solid.part[*i as usize] == part).collect();
         let crumb = (CRUMB * cells.len() as f64) as usize;
-        let owner = vec![NO_BODY; solid.part.len()];
+        let owner = vec![NO_COMPONENT; solid.part.len()];
         let grid = solid.grid;
-        let mut new = Self { grid, clearance, blurred, tolerance, crumb, owner, named: 0, bodies: Vec::new() };
+        let mut new = Self { grid, clearance, blurred, tolerance, crumb, owner, named: 0, components: Vec::new() };
         new.add(&cells);
         new
     }
 
     fn hulls(mut self) -> Vec<Hull> {
-        while self.bodies.len() < PIECES {
-            let deepest = (0..self.bodies.len()).max_by(|a, b| {
-                self.bodies[*a].overreach.depth.total_cmp(&self.bodies[*b].overreach.depth).then(b.cmp(a))
+        while self.components.len() < MOST_COLLIDERS {
+            let deepest = (0..self.components.len()).max_by(|a, b| {
+                self.components[*a].overreach.depth.total_cmp(&self.components[*b].overreach.depth).then(b.cmp(a))
             });
-            let Some(deepest) = deepest.filter(|n| self.bodies[*n].overreach.depth > self.tolerance) else { break };
-            let body = self.bodies.swap_remove(deepest);
-            let Some((normal, position)) = self.best_cut(&body) else {
+            let Some(deepest) = deepest.filter(|n| self.components[*n].overreach.depth > self.tolerance) else { break };
+            let component = self.components.swap_remove(deepest);
+            let Some((normal, position)) = self.best_cut(&component) else {
                 // It cannot be cut: it stays as it is, and counts as if its hull did not reach beyond the object.
-                self.bodies.push(Body { overreach: Overreach { depth: 0.0, cell: 0 }, ..body });
+                self.components.push(Component { overreach: Overreach { depth: 0.0, cell: 0 }, ..component });
                 continue;
             };
             let (left, right): (Vec<u32>, Vec<u32>) =
-                body.cells.iter().partition(|cell| normal.dot(&self.center(**cell).coords) < position);
+                component.cells.iter().partition(|cell| normal.dot(&self.center(**cell).coords) < position);
             self.add(&left);
             self.add(&right);
         }
         self.join();
         let error = 0.25 * self.grid.cell;
-        self.bodies.par_iter().filter_map(|body| self.fitted(body)?.simple(error)).collect()
+        self.components.par_iter().filter_map(|component| self.fitted(component)?.simple(error)).collect()
     }
 
-    /// The hull of a body with its surface moved inward until the hull has the body's volume, but not by more than
+    /// The hull of a component with its surface moved inward until the hull has the component's volume, but not by more than
     /// [`INWARD_CELLS`]. Without that, hulls are too large: they reach to the outermost steps of the cells and dents of
     /// the surface, and over its hollows.
-    fn fitted(&self, body: &Body) -> Option<Hull> {
-        let volume = body.cells.len() as f64 * self.grid.cell_volume();
+    fn fitted(&self, component: &Component) -> Option<Hull> {
+        let volume = component.cells.len() as f64 * self.grid.cell_volume();
         let moved = |inward: f64| {
-            let points: Vec<Point3<f64>> = body.border.iter().map(|face| face.center - face.outward * inward).collect();
+            let points: Vec<Point3<f64>> =
+                component.border.iter().map(|face| face.center - face.outward * inward).collect();
             hull_of_many(&points, FLAT * self.grid.cell)
         };
         let (mut least, mut most) = (0.0, INWARD_CELLS * self.grid.cell);
-        if body.hull.volume() <= volume {
+        if component.hull.volume() <= volume {
             return moved(least);
         }
         for _ in 0..HALVINGS {
@@ -177,7 +178,7 @@ impl<'a> Decomposition<'a> {
         self.grid.center(self.grid.coords(cell as usize))
     }
 
-    /// Adds the connected bodies of some cells.
+    /// Adds the connected components of some cells.
     fn add(&mut self, cells: &[u32]) {
         let fresh = self.named;
         cells.iter().for_each(|cell| self.owner[*cell as usize] = fresh);
@@ -190,33 +191,33 @@ impl<'a> Decomposition<'a> {
             let name = self.named;
             self.named += 1;
             self.owner[seed as usize] = name;
-            let mut body = vec![seed];
+            let mut component = vec![seed];
             let mut next = 0;
-            while let Some(&cell) = body.get(next) {
+            while let Some(&cell) = component.get(next) {
                 next += 1;
                 for n in self.grid.neighbours(cell as usize) {
                     if self.owner[n] == fresh {
                         self.owner[n] = name;
-                        body.push(n as u32);
+                        component.push(n as u32);
                     }
                 }
             }
-            connected.push(body);
+            connected.push(component);
         }
         for cells in connected.into_iter().filter(|cells| cells.len() > self.crumb) {
             let border = self.border(&cells);
-            self.bodies.extend(self.body(cells, border));
+            self.components.extend(self.component(cells, border));
         }
     }
 
-    fn body(&self, cells: Vec<u32>, border: Vec<Face>) -> Option<Body> {
+    fn component(&self, cells: Vec<u32>, border: Vec<Face>) -> Option<Component> {
         let points: Vec<Point3<f64>> = border.iter().map(|face| face.center).collect();
         let hull = hull_of_many(&points, FLAT * self.grid.cell)?;
         let overreach = self.clearance.overreach(&hull);
-        Some(Body { cells, border, hull, overreach })
+        Some(Component { cells, border, hull, overreach })
     }
 
-    /// The faces between a body and everything else.
+    /// The faces between a component and everything else.
     fn border(&self, cells: &[u32]) -> Vec<Face> {
         let strides = self.grid.strides();
         let mut border = Vec::new();
@@ -244,20 +245,20 @@ impl<'a> Decomposition<'a> {
     }
 
     /// The plane, as normal and position, that leaves the least volume in the hulls of both sides.
-    fn best_cut(&self, body: &Body) -> Option<(Vector3<f64>, f64)> {
+    fn best_cut(&self, component: &Component) -> Option<(Vector3<f64>, f64)> {
         let some = |points: &'_ [Point3<f64>]| -> Vec<Point3<f64>> {
             points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).copied().collect()
         };
-        let border: Vec<Point3<f64>> = body.border.iter().map(|face| face.center).collect();
-        let samples = [some(&body.hull.vertices), some(&border)].concat();
-        let notch = self.grid.center(self.grid.coords(body.overreach.cell));
+        let border: Vec<Point3<f64>> = component.border.iter().map(|face| face.center).collect();
+        let samples = [some(&component.hull.vertices), some(&border)].concat();
+        let notch = self.grid.center(self.grid.coords(component.overreach.cell));
         let (mut cuts, mut through_notch) = (Vec::new(), Vec::new());
         for normal in directions(&samples) {
             let along = |p: &Point3<f64>| normal.dot(&p.coords);
             let (low, high) =
                 samples.iter().map(along).fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| (l.min(v), h.max(v)));
             let regular = (1..=CUTS).map(|n| low + (high - low) * n as f64 / (CUTS + 1) as f64);
-            let at_notch = [-1.0, 0.0, 1.0].map(|side| along(&notch) + side * body.overreach.depth);
+            let at_notch = [-1.0, 0.0, 1.0].map(|side| along(&notch) + side * component.overreach.depth);
             let within = |position: &f64| *position > low + self.grid.cell && *position < high - self.grid.cell;
             through_notch.extend(Some(along(&notch)).filter(within).map(|position| (normal, position)));
             cuts.extend(regular.chain(at_notch).filter(within).map(|position| (normal, position)));
@@ -271,7 +272,7 @@ impl<'a> Decomposition<'a> {
             };
             some(&border.iter().filter_map(onto_plane).collect::<Vec<_>>())
         };
-        let whole = body.hull.volume();
+        let whole = component.hull.volume();
         let volume = |points: &[Point3<f64>]| Hull::of(points).map_or(0.0, |hull| hull.volume());
         let cost = |(normal, position): &(Vector3<f64>, f64)| {
             let section = section(normal, *position);
@@ -305,31 +306,32 @@ impl<'a> Decomposition<'a> {
         Some(cross.filter(is_better).map_or(cuts[best], |cross| through_notch[pairs[cross][0]]))
     }
 
-    /// Joins pairs of bodies whose common hull does not reach too far beyond the object, those with the smallest hull
+    /// Joins pairs of components whose common hull does not reach too far beyond the object, those with the smallest hull
     /// first.
     fn join(&mut self) {
-        let mut bodies: Vec<Option<Body>> = self.bodies.drain(..).map(Some).collect();
-        let all: Vec<(usize, usize)> = (0..bodies.len()).flat_map(|b| (0..b).map(move |a| (a, b))).collect();
-        let mut fitting = self.joints(&bodies, all);
+        let mut components: Vec<Option<Component>> = self.components.drain(..).map(Some).collect();
+        let all: Vec<(usize, usize)> = (0..components.len()).flat_map(|b| (0..b).map(move |a| (a, b))).collect();
+        let mut fitting = self.joints(&components, all);
         loop {
             let best = fitting.iter().min_by(|x, y| x.volume.total_cmp(&y.volume).then(x.pair.cmp(&y.pair)));
             let Some((a, b)) = best.map(|joint| joint.pair) else { break };
-            let (Some(one), Some(other)) = (bodies[a].take(), bodies[b].take()) else { break };
+            let (Some(one), Some(other)) = (components[a].take(), components[b].take()) else { break };
             let place = fitting.iter().position(|joint| joint.pair == (a, b)).expect("it is the best");
             let Joint { hull, overreach, .. } = fitting.swap_remove(place);
             fitting.retain(|joint| ![joint.pair.0, joint.pair.1].iter().any(|n| [a, b].contains(n)));
             let (cells, border) = ([one.cells, other.cells].concat(), [one.border, other.border].concat());
-            bodies[a] = Some(Body { cells, border, hull, overreach });
-            let beside = (0..bodies.len()).filter(|n| *n != a && bodies[*n].is_some()).map(|n| (a.min(n), a.max(n)));
-            fitting.extend(self.joints(&bodies, beside.collect()));
+            components[a] = Some(Component { cells, border, hull, overreach });
+            let beside =
+                (0..components.len()).filter(|n| *n != a && components[*n].is_some()).map(|n| (a.min(n), a.max(n)));
+            fitting.extend(self.joints(&components, beside.collect()));
         }
-        self.bodies = bodies.into_iter().flatten().collect();
+        self.components = components.into_iter().flatten().collect();
     }
 
     /// The pairs that can be joined.
-    fn joints(&self, bodies: &[Option<Body>], pairs: Vec<(usize, usize)>) -> Vec<Joint> {
+    fn joints(&self, components: &[Option<Component>], pairs: Vec<(usize, usize)>) -> Vec<Joint> {
         let joint = |pair: (usize, usize)| {
-            let (one, other) = (bodies[pair.0].as_ref()?, bodies[pair.1].as_ref()?);
+            let (one, other) = (components[pair.0].as_ref()?, components[pair.1].as_ref()?);
             if !self.touch(one, other) {
                 return None;
             }
@@ -341,14 +343,14 @@ impl<'a> Decomposition<'a> {
         pairs.into_par_iter().filter_map(joint).collect()
     }
 
-    fn touch(&self, one: &Body, other: &Body) -> bool {
+    fn touch(&self, one: &Component, other: &Component) -> bool {
         let ([low, high], [others_low, others_high]) = (one.hull.extent(), other.hull.extent());
         let gap = self.grid.cell;
         (0..3).all(|axis| low[axis] <= others_high[axis] + gap && others_low[axis] <= high[axis] + gap)
     }
 }
 
-/// Two bodies as one.
+/// Two components as one.
 struct Joint {
     pair: (usize, usize),
     volume: f64,
@@ -356,7 +358,7 @@ struct Joint {
     overreach: Overreach,
 }
 
-/// The world's axes, and the body's own as far as they differ.
+/// The world's axes, and the component's own as far as they differ.
 fn directions(points: &[Point3<f64>]) -> Vec<Vector3<f64>> {
     /// Cosine of 10 degrees.
     const SAME: f64 = 0.985;

@@ -43,7 +43,7 @@ pub fn alternatives(words: &[&str]) -> String {
     }
 }
 
-/// A cell, or a piece of one.
+/// A cell, or a part of one.
 pub enum Cell<'a> {
     Word(&'a str),
     Number(f64),

@@ -1,5 +1,5 @@
 //! How the cells of a part spread around a cell: a wire's along one direction, a sheet's along two. The variances give
-//! the length of a stretch of wire or the area of a piece of sheet; together with the number of cells, they give its
+//! the length of a stretch of wire or the area of a sheet; together with the number of cells, they give its
 //! carved cross-section or thickness, whichever way it lies in the grid and however ragged carving left it.
 
 use std::f64::consts::PI;

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 
 pub use interior::{FILLING, Interior, OUTSIDE, VOID};
 
-/// Empty cells kept around the object, so that its outside is one connected piece and filters need no edge cases.
+/// Empty cells kept around the object, so that its outside is connected and filters need no edge cases.
 const MARGIN: usize = 3;
 /// A box's shortest side is treated as at least this share of its longest.
 const LEAST_SIDE: f64 = 1e-3;

@@ -8,7 +8,7 @@ use image::RgbImage;
 
 use crate::error::Result;
 use crate::gaussians::Gaussians;
-use crate::pictures::figure::{self, Object, Shown};
+use crate::pictures::figure::{self, Shown, ShownObject};
 use crate::pictures::{field_colors, framing, thumbnail};
 use crate::query::Answers;
 use crate::scene::View;
@@ -18,7 +18,7 @@ use crate::vote::{FieldLabel, MaterialField, ViewInput, VoteError, field_ply, vo
 use crate::words::output::counted;
 use crate::workdir::{self, Artifact, WorkDirError};
 
-use super::asked::AskedAbout;
+use super::subjects::FoundSubjects;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
 use crate::pictures::png;
 
@@ -36,7 +36,7 @@ pub(super) const ROW: Row = Row {
 
 fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     let (work, gaussians) = (&open.work, &open.scene.gaussians);
-    let (about, answers) = (AskedAbout::of(open)?, open.get::<Answers>()?);
+    let (about, answers) = (FoundSubjects::of(open)?, open.get::<Answers>()?);
     let field = elect(open, &about, &voters(&open.views, &about.settled_maps(open, &answers)), &answers)?;
     work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
     work.write_json(Artifact::Labels, &field.labels)?;
@@ -57,14 +57,14 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
 /// The field that results from these views and answers.
 pub fn elect(
     open: &OpenScene,
-    about: &AskedAbout,
+    about: &FoundSubjects,
     views: &[ViewInput],
     answers: &Answers,
 ) -> Result<MaterialField, VoteError> {
     let (gaussians, library, options) = (&open.scene.gaussians, &*open.library, &open.options.vote);
     match about {
-        AskedAbout::Segments(_) => vote(gaussians, views, answers, library, options, open.progress()),
-        AskedAbout::Parts(found) => {
+        FoundSubjects::Segments(_) => vote(gaussians, views, answers, library, options, open.progress()),
+        FoundSubjects::Parts(found) => {
             vote_on_parts(gaussians, views, &found.answered(answers), library, options, open.progress())
         }
     }
@@ -74,9 +74,9 @@ pub fn draw(open: &OpenScene, shown: Shown, view: &View, field: &MaterialField) 
     Ok(figure::draw(shown, &view.camera, &open.photo(view)?, object(open, field)?))
 }
 
-pub fn object<'a>(open: &'a OpenScene, field: &'a MaterialField) -> Result<Object<'a>> {
+pub fn object<'a>(open: &'a OpenScene, field: &'a MaterialField) -> Result<ShownObject<'a>> {
     let meters_per_unit = query::scale(open)?.map(|scale| scale.meters_per_unit);
-    Ok(Object { gaussians: &open.scene.gaussians, field, meters_per_unit })
+    Ok(ShownObject { gaussians: &open.scene.gaussians, field, meters_per_unit })
 }
 
 /// The index of the chosen view that shows most of the object.

@@ -3,16 +3,16 @@
 //! and makes a hammer weigh 45 kg. Outliers are set aside: they stay in the cloud and in `field.ply`, at their indices,
 //! but count as transparent.
 //!
-//! A trained Gaussian lies among others: at the ends of its body (the solid ellipsoid of the same covariance, whose
+//! A trained Gaussian lies among others: at the ends of its ellipsoid (the solid one of the same covariance, whose
 //! semi-axes are `sqrt(5)` standard deviations) there is another Gaussian close by, whether it is a flat one on a plain
 //! wall or a long one on an edge. So two numbers are computed for each Gaussian that is large for this cloud or lies
 //! outside of it:
 //!
 //! - its *reach*: how far the farthest of its six ends is from the nearest other centre;
-//! - its *excess*: that reach divided by the body size of its neighbours, the median of the largest semi-axes of the 16
+//! - its *excess*: that reach divided by the size of its neighbours, the median of the largest semi-axes of the 16
 //!   nearest.
 //!
-//! The neighbours' body size is a median, and the object's size is taken from quantiles of positions, so the two
+//! The size of the neighbours is a median, and the object's size is taken from quantiles of positions, so the two
 //! numbers stay right even if one Gaussian in ten is wrong in any way. The limits come from the ten clouds that gprop
 //! was calibrated on: the four fixtures and six scanned objects, of 16,967 to 36,491 Gaussians each. Among their
 //! 241,179 Gaussians the largest reach is 0.115 of the object's size and the largest excess is 4.5, and in no cloud do
@@ -24,7 +24,7 @@ use nalgebra::{Matrix3, Point3};
 use rayon::prelude::*;
 use thiserror::Error;
 
-use crate::gaussians::{BODY_DEVIATIONS, Gaussians};
+use crate::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
 use crate::numeric::nearest::Nearest;
 use crate::numeric::upper_median;
 use crate::words::output::thousands;
@@ -84,7 +84,7 @@ pub struct SetAside {
     pub center: Point3<f64>,
     /// Its reach, scene units.
     pub reach: f64,
-    /// Its excess: the reach divided by the body size of its neighbours.
+    /// Its excess: the reach divided by the size of its neighbours.
     pub excess: f64,
     /// The object's size: the diagonal of the box around most of its centres, scene units.
     pub size: f64,
@@ -148,7 +148,7 @@ fn find(gaussians: &Gaussians, core: &Core) -> Vec<Reaching> {
     let is_suspect = |&i: &usize| {
         let largest = gaussians.scale(i).max();
         largest > LARGE * usual
-            || BODY_DEVIATIONS * largest > REACH_MOST * size
+            || ELLIPSOID_DEVIATIONS * largest > REACH_MOST * size
             || core.distance(gaussians.center(i)) > OUTSIDE * size
     };
     let suspects: Vec<usize> = (0..gaussians.len()).into_par_iter().filter(is_suspect).collect();
@@ -177,10 +177,10 @@ impl Reaching {
     fn of(gaussians: &Gaussians, i: usize, centers: &Centers) -> Self {
         let place = gaussians.positions[i];
         let around = centers.near(place, NEIGHBOURS, place);
-        let body =
-            BODY_DEVIATIONS * upper_median(around.map(|(_, j)| gaussians.scale(j).max()).collect()).unwrap_or_default();
+        let size = ELLIPSOID_DEVIATIONS
+            * upper_median(around.map(|(_, j)| gaussians.scale(j).max()).collect()).unwrap_or_default();
         let turn = gaussians.rotation(i).to_rotation_matrix().into_inner();
-        let axes = turn * Matrix3::from_diagonal(&(gaussians.scale(i) * BODY_DEVIATIONS));
+        let axes = turn * Matrix3::from_diagonal(&(gaussians.scale(i) * ELLIPSOID_DEVIATIONS));
         let distance = |end: Point3<f64>| match centers.around.distance(end) {
             far if far > FAR * centers.around.size() => far,
             _ => {
@@ -191,7 +191,7 @@ impl Reaching {
         let center = gaussians.center(i);
         let ends = axes.column_iter().flat_map(|axis| [center + axis, center - axis]);
         let reach = ends.map(distance).fold(0.0, f64::max);
-        Self { index: i, reach, excess: reach / body }
+        Self { index: i, reach, excess: reach / size }
     }
 }
 

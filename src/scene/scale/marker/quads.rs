@@ -1,7 +1,7 @@
 //! Dark quadrilaterals of a picture: where a marker may be.
 //!
 //! 1. [`dark`]: a pixel is dark if it is clearly darker than its neighbourhood;
-//! 2. [`outlines`]: dark pixels that touch form a body, which has a convex hull;
+//! 2. [`outlines`]: dark pixels that touch form a blob, which has a convex hull;
 //! 3. [`quad`]: a hull that is close to a quadrilateral is one.
 
 use nalgebra::Point2;
@@ -13,7 +13,7 @@ use super::plane::Plane;
 const REACH: usize = 15;
 /// How much darker than the mean of its neighbourhood a dark pixel is, of 255; that of OpenCV's detector.
 const CONTRAST: u32 = 7;
-/// The least height and width of a body, in pixels: a marker has at least six cells per side, and cells smaller than a
+/// The least height and width of a blob, in pixels: a marker has at least six cells per side, and cells smaller than a
 /// pixel cannot be told apart. Seen obliquely, one of the two sides is shorter.
 const LEAST_SIDE: usize = 6;
 /// The least share of a hull that its largest quadrilateral has to fill. The corners of a small or blurred marker are
@@ -69,7 +69,7 @@ struct Run {
     end: usize,
 }
 
-/// The points at the left and right ends of each row of each body of dark pixels that does not touch the picture's edge.
+/// The points at the left and right ends of each row of each blob of dark pixels that does not touch the picture's edge.
 fn outlines(dark: &[bool], width: usize) -> Vec<Vec<Point2<f64>>> {
     let height = dark.len() / width;
     let mut runs: Vec<Run> = Vec::new();
@@ -93,22 +93,22 @@ fn outlines(dark: &[bool], width: usize) -> Vec<Vec<Point2<f64>>> {
         }
         above = first..runs.len();
     }
-    // A body's number is that of its first run.
-    let mut bodies: Vec<Vec<usize>> = vec![Vec::new(); runs.len()];
+    // A blob's number is that of its first run.
+    let mut blobs: Vec<Vec<usize>> = vec![Vec::new(); runs.len()];
     for run in 0..runs.len() {
-        let body = root(&mut parent, run);
-        bodies[body].push(run);
+        let blob = root(&mut parent, run);
+        blobs[blob].push(run);
     }
-    let ends = |body: Vec<usize>| {
-        let (top, bottom) = (runs[*body.first()?].row, runs[*body.last()?].row);
-        let left = body.iter().map(|run| runs[*run].start).min()?;
-        let right = body.iter().map(|run| runs[*run].end).max()?;
+    let ends = |blob: Vec<usize>| {
+        let (top, bottom) = (runs[*blob.first()?].row, runs[*blob.last()?].row);
+        let left = blob.iter().map(|run| runs[*run].start).min()?;
+        let right = blob.iter().map(|run| runs[*run].end).max()?;
         let is_small = right - left < LEAST_SIDE || bottom + 1 - top < LEAST_SIDE;
         if is_small || left == 0 || top == 0 || right == width || bottom + 1 == height {
             return None;
         }
         let mut rows = vec![(usize::MAX, 0); bottom + 1 - top];
-        for run in &body {
+        for run in &blob {
             let (start, end) = &mut rows[runs[*run].row - top];
             (*start, *end) = ((*start).min(runs[*run].start), (*end).max(runs[*run].end));
         }
@@ -117,7 +117,7 @@ fn outlines(dark: &[bool], width: usize) -> Vec<Vec<Point2<f64>>> {
         };
         Some((top..).zip(rows).flat_map(corners).collect())
     };
-    bodies.into_iter().filter_map(ends).collect()
+    blobs.into_iter().filter_map(ends).collect()
 }
 
 fn root(parent: &mut [usize], mut of: usize) -> usize {

@@ -1,4 +1,4 @@
-//! Ascii bodies, row by row through ply-rs-bw into our own row type (its generic element is a map per row).
+//! Rows in ASCII, one by one through ply-rs-bw into our own row type (its generic element is a map per row).
 
 use std::io::BufRead;
 
@@ -9,7 +9,7 @@ use super::header::Header;
 use super::layout::{self, Array, Layout};
 use super::row::Row;
 use super::source::Bytes;
-use super::{Body, Problem};
+use super::{Problem, Rows};
 
 /// An error in a row of text.
 #[derive(Debug, thiserror::Error)]
@@ -22,11 +22,11 @@ pub enum RowProblem {
     Type,
 }
 
-pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<Body, Problem> {
+pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<Rows, Problem> {
     check_size(bytes, header, layout)?;
     let mut gaussians = layout.allocate(layout.count as usize);
     let mut arrays = layout::arrays(&mut gaussians);
-    let mut lines = Lines::new(bytes.reader_from(header.body_at), header.lines);
+    let mut lines = Lines::new(bytes.reader_from(header.data_at), header.lines);
     for _ in 0..layout.before {
         if !lines.next()? {
             return Err(Problem::TruncatedText { count: layout.count, found: 0 });
@@ -47,17 +47,17 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Resu
         warning = Some("the lines after the last Gaussian are not declared in the header; they are ignored".to_owned());
     }
     let surely_usable = layout::surely_usable(&arrays);
-    Ok(Body { gaussians, surely_usable, warning })
+    Ok(Rows { gaussians, surely_usable, warning })
 }
 
 /// Checks the file's size: a value takes at least a digit and a separator; only the last line may lack its line end.
 fn check_size(bytes: &impl Bytes, header: &Header, layout: &Layout) -> Result<(), Problem> {
     let per_row = 2 * layout.vertex.properties.len() as u128;
-    let body = u128::from(bytes.size() - header.body_at) + 1;
-    if u128::from(layout.count) * per_row + layout.before > body {
+    let available = u128::from(bytes.size() - header.data_at) + 1;
+    if u128::from(layout.count) * per_row + layout.before > available {
         return Err(Problem::Truncated {
             count: layout.count,
-            expected: u128::from(header.body_at) + u128::from(layout.count) * per_row + layout.before,
+            expected: u128::from(header.data_at) + u128::from(layout.count) * per_row + layout.before,
             found: bytes.size(),
         });
     }

@@ -1,4 +1,4 @@
-//! Binary bodies: chunks of rows are read and decoded on all threads, each directly into its slice of the arrays.
+//! Binary rows: chunks of them are read and decoded on all threads, each directly into its slice of the arrays.
 
 use std::io;
 
@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::header::Header;
 use super::layout::{self, Array, Column, Layout, Scalar};
 use super::source::Bytes;
-use super::{Body, Problem};
+use super::{Problem, Rows};
 
 /// Bytes read at once: a chunk stays in a core's second-level cache while its columns are extracted one by one.
 const CHUNK_BYTES: usize = 256 << 10;
@@ -21,8 +21,8 @@ pub(super) enum ByteOrder {
     Big,
 }
 
-pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: ByteOrder) -> Result<Body, Problem> {
-    let first_row_at = u128::from(header.body_at) + layout.before;
+pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: ByteOrder) -> Result<Rows, Problem> {
+    let first_row_at = u128::from(header.data_at) + layout.before;
     let expected = first_row_at + u128::from(layout.count) * layout.stride as u128;
     if expected > u128::from(bytes.size()) {
         return Err(Problem::Truncated { count: layout.count, expected, found: bytes.size() });
@@ -47,7 +47,7 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: 
 
     let warning = (left_over > 0 && !layout.followed)
         .then(|| format!("{left_over} bytes after the last Gaussian are not declared in the header; they are ignored"));
-    Ok(Body { gaussians, surely_usable, warning })
+    Ok(Rows { gaussians, surely_usable, warning })
 }
 
 /// Splits all arrays into slices of `rows` Gaussians.

@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use super::header::Header;
 use super::layout::{Scalar, scalar_properties, sh_degree_of};
 use super::source::Bytes;
-use super::{Body, Problem};
+use super::{Problem, Rows};
 use crate::gaussians::Gaussians;
 use crate::scene::splat::quantized::{opacity_logit_of_byte, quaternion_of_smallest_three, sh_dc_of_color};
 
@@ -28,7 +28,7 @@ pub(super) fn is_compressed(header: &Header) -> bool {
     header.elements.iter().any(packed)
 }
 
-pub(super) fn read(bytes: &impl Bytes, header: &Header) -> Result<Body, Problem> {
+pub(super) fn read(bytes: &impl Bytes, header: &Header) -> Result<Rows, Problem> {
     if !matches!(header.encoding, Encoding::BinaryLittleEndian) {
         return Err(Problem::CompressedEncoding);
     }
@@ -60,7 +60,7 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header) -> Result<Body, Problem>
     if let Some(sh) = sh.filter(|sh| sh.width > 0) {
         (gaussians.sh_degree, gaussians.sh_rest) = harmonics(sh, vertex.count)?;
     }
-    Ok(Body { gaussians, surely_usable: false, warning: None })
+    Ok(Rows { gaussians, surely_usable: false, warning: None })
 }
 
 /// The rows of an element.
@@ -88,7 +88,7 @@ impl Table {
 /// Reads all elements, after checking that the file holds as much as the header claims.
 fn tables(bytes: &impl Bytes, header: &Header) -> Result<Vec<Table>, Problem> {
     let mut tables = Vec::new();
-    let mut end = u128::from(header.body_at);
+    let mut end = u128::from(header.data_at);
     for element in &header.elements {
         let mut width = 0;
         let mut properties = Vec::new();
@@ -109,7 +109,7 @@ fn tables(bytes: &impl Bytes, header: &Header) -> Result<Vec<Table>, Problem> {
         let count = tables.iter().find(|table| table.name == "vertex").map_or(0, |table| table.count);
         return Err(Problem::Truncated { count, expected: end, found: bytes.size() });
     }
-    let mut at = header.body_at;
+    let mut at = header.data_at;
     for table in &mut tables {
         let length = table.count as usize * table.width;
         table.bytes = vec![0; length];

@@ -24,11 +24,11 @@ pub(super) struct Header {
     /// Number of lines in the header.
     pub lines: u64,
     /// Offset of the first byte after the header.
-    pub body_at: u64,
+    pub data_at: u64,
 }
 
 pub(super) fn read(bytes: &impl Bytes) -> Result<Header, Problem> {
-    let (text, body_at) = checked_text(bytes)?;
+    let (text, data_at) = checked_text(bytes)?;
     let header = Parser::<Row>::new().read_header(&mut Reader::new(Cursor::new(&text))).map_err(|error| match error
         .line()
         .and_then(|line| Some((line, text.lines().nth(line - 1)?)))
@@ -41,7 +41,7 @@ pub(super) fn read(bytes: &impl Bytes) -> Result<Header, Problem> {
         elements: header.elements.into_iter().map(|(_, element)| element).collect(),
         comments: text.lines().filter_map(|line| line.strip_prefix("comment ")).map(str::to_owned).collect(),
         lines: text.lines().count() as u64,
-        body_at,
+        data_at,
     })
 }
 
@@ -51,16 +51,16 @@ fn checked_text(bytes: &impl Bytes) -> Result<(String, u64), Problem> {
     let mut checker = LineChecker::default();
     let mut text = String::new();
     let mut raw = Vec::new();
-    let mut body_at = 0;
+    let mut data_at = 0;
     for line in 1.. {
         raw.clear();
-        body_at += reader.read_until(b'\n', &mut raw)? as u64;
+        data_at += reader.read_until(b'\n', &mut raw)? as u64;
         let decoded = String::from_utf8_lossy(&raw);
         if line == 1 && decoded.trim_end() != "ply" {
             return Err(Problem::NotPly);
         }
         if !raw.ends_with(b"\n") {
-            return Err(Problem::HeaderEnd { limit: body_at });
+            return Err(Problem::HeaderEnd { limit: data_at });
         }
         checker.check(line, &decoded)?;
         text.push_str(&decoded);
@@ -68,7 +68,7 @@ fn checked_text(bytes: &impl Bytes) -> Result<(String, u64), Problem> {
             break;
         }
     }
-    Ok((text, body_at))
+    Ok((text, data_at))
 }
 
 /// Remembers the names of the header so far.

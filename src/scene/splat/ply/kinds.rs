@@ -1,6 +1,6 @@
 //! Splats that are not plain 3DGS but can be turned into it: flat Gaussians, and those with a 3D smoothing filter.
 
-use super::Body;
+use super::Rows;
 use crate::gaussians::Gaussians;
 
 /// Mip-Splatting's property: the standard deviation of its 3D filter, scene units (Yu et al. 2024, eq. 8).
@@ -15,8 +15,8 @@ pub(super) const ANTIALIASED_COMMENT: &str = "SplatRenderMode: mip";
 
 /// Turns 2DGS and Mip-Splatting Gaussians into plain ones, in place, and returns notes about what was found. `flat`:
 /// the file has no third scale.
-pub(super) fn recognise(body: &mut Body, flat: bool, comments: &[String]) -> Vec<String> {
-    let gaussians = &mut body.gaussians;
+pub(super) fn recognise(rows: &mut Rows, flat: bool, comments: &[String]) -> Vec<String> {
+    let gaussians = &mut rows.gaussians;
     let mut notes = Vec::new();
     if flat {
         for [a, b, thickness] in &mut gaussians.log_scales {
@@ -29,7 +29,7 @@ pub(super) fn recognise(body: &mut Body, flat: bool, comments: &[String]) -> Vec
     if let Some(at) = gaussians.extra.iter().position(|extra| extra.name == SMOOTHING_FILTER) {
         let filter = gaussians.extra.remove(at).values;
         fuse(gaussians, &filter);
-        body.surely_usable = false;
+        rows.surely_usable = false;
         gaussians.antialiased = true;
         notes.push(format!("Mip-Splatting: {SMOOTHING_FILTER} is merged into scales and opacities"));
     } else if comments.iter().any(|comment| is_mip_comment(comment)) {

@@ -4,9 +4,9 @@
 //! Reading goes in this order:
 //! 1. `header`: ply-rs-bw reads the header, after a check for duplicates, which it would silently merge.
 //! 2. `layout`: determines where each property goes, and checks that this is a splat.
-//! 3. `binary` or `ascii`: reads the body directly into the structure of arrays, after the count in the header has been
+//! 3. `binary` or `ascii`: reads the rows directly into the structure of arrays, after the count in the header has been
 //!    checked against the bytes in the file. Memory is bounded by the file's actual size, whatever the header claims.
-//!    `compressed` reads packed bodies.
+//!    `compressed` reads packed rows.
 //! 4. `activated`: refuses values that were not written as logarithms and logits.
 //! 5. `kinds`: converts the Gaussians of 2DGS and Mip-Splatting into plain ones.
 //! 6. Gaussians with values that no renderer could draw are dropped and counted.
@@ -145,27 +145,27 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
 fn read_bytes(bytes: &impl Bytes) -> Result<Loaded, Problem> {
     let header = header::read(bytes)?;
     if compressed::is_compressed(&header) {
-        let body = compressed::read(bytes, &header)?;
-        return finished(body, Loaded { notes: vec!["PlayCanvas compressed PLY".to_owned()], ..Loaded::default() });
+        let rows = compressed::read(bytes, &header)?;
+        return finished(rows, Loaded { notes: vec!["PlayCanvas compressed PLY".to_owned()], ..Loaded::default() });
     }
     let layout = Layout::of(&header)?;
-    let mut body = match header.encoding {
+    let mut rows = match header.encoding {
         Encoding::Ascii => ascii::read(bytes, &header, &layout)?,
         Encoding::BinaryLittleEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Little)?,
         Encoding::BinaryBigEndian => binary::read(bytes, &header, &layout, binary::ByteOrder::Big)?,
     };
-    if let Some(which) = activated::activated(&body.gaussians, layout.flat) {
+    if let Some(which) = activated::activated(&rows.gaussians, layout.flat) {
         return Err(Problem::Activated { which });
     }
-    let mut notes = kinds::recognise(&mut body, layout.flat, &header.comments);
+    let mut notes = kinds::recognise(&mut rows, layout.flat, &header.comments);
     notes.extend(layout.notes);
-    finished(body, Loaded { notes, warnings: layout.warnings, ..Loaded::default() })
+    finished(rows, Loaded { notes, warnings: layout.warnings, ..Loaded::default() })
 }
 
-fn finished(body: Body, mut loaded: Loaded) -> Result<Loaded, Problem> {
-    loaded.gaussians = body.gaussians;
-    loaded.warnings.extend(body.warning);
-    if !body.surely_usable {
+fn finished(rows: Rows, mut loaded: Loaded) -> Result<Loaded, Problem> {
+    loaded.gaussians = rows.gaussians;
+    loaded.warnings.extend(rows.warning);
+    if !rows.surely_usable {
         let count = loaded.gaussians.len();
         let dropped = drop_unusable(&mut loaded.gaussians).map_err(|_| Problem::NothingFinite { count })?;
         loaded.warnings.extend(dropped);
@@ -173,8 +173,8 @@ fn finished(body: Body, mut loaded: Loaded) -> Result<Loaded, Problem> {
     Ok(loaded)
 }
 
-/// The result of reading a body.
-struct Body {
+/// The Gaussians that the rows of a file hold.
+struct Rows {
     gaussians: Gaussians,
     /// False if some Gaussian may not be [usable](Gaussians::is_usable).
     surely_usable: bool,

@@ -1,4 +1,4 @@
-//! The element type for ply-rs-bw's parser: one row of an ascii body. Parsing the header needs the type too.
+//! The element type for ply-rs-bw's parser: one row in ASCII. Parsing the header needs the type too.
 
 use ply_rs_bw::ply::{Property, PropertyAccess, PropertyAccessResult};
 
