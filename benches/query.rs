@@ -3,11 +3,11 @@
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
+use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
 use gprop::query::ask::budget::Budget;
-use gprop::query::question::About;
 use gprop::query::recorded::{Answerer, Recording, Recordings};
-use gprop::query::{Options, Prompts, Queries, ViewInput};
+use gprop::query::{Options, Prompts, Queries, ViewSubjects};
 use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
 use gprop::words::progress::Progress;
@@ -61,19 +61,20 @@ fn bench(criterion: &mut Criterion) {
     let library = MaterialLibrary::builtin();
     let (prompts, options) = (Prompts::builtin(), Options::default());
     let ids: Vec<u16> = (1..=SEGMENTS).collect();
-    let inputs = [ViewInput { name: "view", photo: &photo, map: &segments.map, ids: &ids }];
+    let inputs = [ViewSubjects { name: "view", photo: &photo, map: &segments.map, ids: &ids }];
     criterion.bench_function("query/sheets of a view with 8 segments", |bencher| {
         bencher.iter(|| {
-            Queries::prepare(black_box(&inputs), library, &prompts, &options, About::Segments)
+            Queries::prepare(black_box(&inputs), library, &prompts, &options, AskAbout::Segments)
                 .expect("the view is sound")
         });
     });
 
     let folder = tempfile::tempdir().expect("a temporary folder");
     let recordings = Recordings::open(&[], folder.path()).expect("the folder is empty");
-    let queries = Queries::prepare(&inputs, library, &prompts, &options, About::Segments).expect("the view is sound");
+    let queries =
+        Queries::prepare(&inputs, library, &prompts, &options, AskAbout::Segments).expect("the view is sound");
     let answerer = Answerer { model: "bench".into(), parameters: Value::Null };
-    for segment in &queries.segments {
+    for segment in &queries.subjects {
         let asked = segment.asked(queries.questions.first());
         let recording = Recording::new(&answerer, asked, answer(library), None, None);
         recordings.insert(&recording).expect("the folder is writable");

@@ -12,7 +12,7 @@ use criterion::{Criterion, criterion_group, criterion_main};
 use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
-use gprop::query::{Answer, Answers, Outcome, SegmentAnswer};
+use gprop::query::{Answer, Answers, Outcome, SubjectAnswer, SubjectId};
 use gprop::render::{LANES, RenderOptions, Sink, Splat, render, visit};
 use gprop::segment::LabelMap;
 use gprop::vote::{Options, Rule, ViewInput, vote};
@@ -69,9 +69,9 @@ fn map() -> LabelMap {
 
 fn answers(names: &[String]) -> Answers {
     let answer = Answer::of(&MaterialLibrary::builtin().materials()[0]);
-    let segment = |view: &String, segment| SegmentAnswer {
+    let segment = |view: &String, segment| SubjectAnswer {
         view: view.clone(),
-        segment,
+        subject: SubjectId::Segment(segment),
         outcome: Outcome::Answered(answer.clone()),
     };
     Answers::new(names.iter().flat_map(|view| [segment(view, 1), segment(view, 2)]).collect())

@@ -41,7 +41,7 @@ fn results_do_what_they_need() {
     let work = balls.scene(0).join("gprop");
     assert_eq!(pipeline.segments().unwrap().views.len(), 3);
     assert!(!work.join("answers.jsonl").exists(), "only what was asked for");
-    assert_eq!(pipeline.answers().unwrap().segments.len(), 6);
+    assert_eq!(pipeline.answers().unwrap().all.len(), 6);
     let (field, parts) = (pipeline.field().unwrap(), pipeline.parts().unwrap());
     assert_eq!((field.part_label.len(), field.confidence.len()), (200, 200));
     assert!(parts.parts.len() <= field.labels.len() && parts.object.mass_kg.mid > 0.0);
@@ -135,7 +135,7 @@ fn cancelling_between_questions_keeps_the_answers() {
     let recorded = fs::read_dir(balls.scene(0).join("recorded")).unwrap().map(|entry| entry.unwrap().path());
     let recorded = recorded.filter(|path| path.extension().is_some_and(|ending| ending == "json"));
     assert_eq!(recorded.count(), 1, "the answer that was on its way");
-    assert_eq!(builder().open().unwrap().answers().unwrap().segments.len(), 6);
+    assert_eq!(builder().open().unwrap().answers().unwrap().all.len(), 6);
 }
 
 #[test]

@@ -11,6 +11,7 @@ use std::path::Path;
 use std::sync::LazyLock;
 
 use gprop::config::{self, Flag, Owner, SceneValue};
+use gprop::consensus::AskAbout;
 use gprop::evaluate::grasp::{self as policies, Evaluation};
 use gprop::evaluate::label_maps::LabelMaps;
 use gprop::evaluate::{hardness, masks, mass};
@@ -22,7 +23,7 @@ use gprop::query::answer::{self, Unknown};
 use gprop::query::ask::cost::PriceTable;
 use gprop::query::batch_api::{JobStatus, Submitted};
 use gprop::query::client;
-use gprop::query::question::{About, Questions};
+use gprop::query::question::Questions;
 use gprop::query::recorded::{Recording, Recordings};
 use gprop::query::{self, Answers, LabelSet, Prompts, Queries, batch_api, exchange};
 use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
@@ -142,7 +143,7 @@ pub fn sam_decoder(bytes: &[u8]) {
 pub fn answers(bytes: &[u8]) {
     static QUESTIONS: LazyLock<Questions> = LazyLock::new(|| {
         let (guidance, context) = (query::Guidance::OneQuestion, query::Context::GlobalLocal);
-        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), guidance, context, About::Parts)
+        Questions::new(&Prompts::builtin(), MaterialLibrary::builtin(), guidance, context, AskAbout::Parts)
             .expect("the built-in prompts are good")
     });
     let text = String::from_utf8_lossy(bytes);
@@ -172,7 +173,7 @@ pub fn recordings(bytes: &[u8]) {
     static PROMPTS: LazyLock<Prompts> = LazyLock::new(Prompts::builtin);
     static OPTIONS: LazyLock<query::Options> = LazyLock::new(query::Options::default);
     static QUERIES: LazyLock<Queries> = LazyLock::new(|| {
-        Queries::prepare(&[], MaterialLibrary::builtin(), &PROMPTS, &OPTIONS, About::Parts)
+        Queries::prepare(&[], MaterialLibrary::builtin(), &PROMPTS, &OPTIONS, AskAbout::Parts)
             .expect("the built-in prompts are good")
     });
     let mut files = bytes.splitn(3, |byte| *byte == 0);

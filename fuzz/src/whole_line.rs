@@ -7,7 +7,7 @@ use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{self, parts};
-use gprop::query::{Answer, Answers, Outcome, SegmentAnswer};
+use gprop::query::{Answer, Answers, Outcome, SubjectAnswer, SubjectId};
 use gprop::scene::object::outliers;
 use gprop::scene::splat::ply;
 use gprop::segment::LabelMap;
@@ -149,9 +149,9 @@ pub(super) fn seen_by(camera: &Camera) -> LabelMap {
 fn answers() -> Answers {
     let answer = |row: usize| Answer::of(&MaterialLibrary::builtin().materials()[row]);
     let of_view = |view: usize| {
-        let segment = move |row: usize| SegmentAnswer {
+        let segment = move |row: usize| SubjectAnswer {
             view: view.to_string(),
-            segment: row as u16 + 1,
+            subject: SubjectId::Segment(row as u16 + 1),
             outcome: Outcome::Answered(answer(row)),
         };
         (0..2).map(segment)

@@ -9,12 +9,14 @@ use std::path::{Path, PathBuf};
 use crate::error::Result;
 use crate::files::write;
 use crate::pipeline::query_session::{self, QuerySession};
-use crate::pipeline::stages::asked::AskedAbout;
 use crate::pipeline::stages::query::session;
+use crate::pipeline::stages::subjects::FoundSubjects;
 use crate::pipeline::{self, Pipeline, Plan, Stage};
 use crate::query::ask::asker::Asker;
 use crate::query::ask::cost::Cost;
-use crate::query::batch_api::{self as api, Answered, Collected, Request, Sent, Submitted, Waiting, check_submission};
+use crate::query::batch_api::{
+    self as api, Answered, Collected, JobRequest, Sent, SentQuestion, Submitted, check_submission,
+};
 use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::recorded::Recording;
 use crate::query::{self, AnswerSource, Queries, QueryError, Sha256Hex};
@@ -86,15 +88,15 @@ impl<'a> Questions<'a> {
             check_submission(&later, &self.budget, self.client.answerer())?;
         }
         // Noted with each job, so that a submission that is cut short leaves no scene without its answers.
-        let shared = RefCell::new(Vec::<Waiting>::new());
+        let shared = RefCell::new(Vec::<SentQuestion>::new());
         let gather = |scene: &&Selected| {
             let open = self.requests(scene, first.as_ref()).unwrap_or_else(|error| {
                 failures.push((scene.name.clone(), error.to_string()));
                 Vec::new()
             });
-            let is_new = |request: &Request| taken.insert(request.waiting.key.clone());
-            let (new, known): (Vec<Request>, Vec<Request>) = open.into_iter().partition(is_new);
-            shared.borrow_mut().extend(known.into_iter().map(|request| request.waiting));
+            let is_new = |request: &JobRequest| taken.insert(request.question.key.clone());
+            let (new, known): (Vec<JobRequest>, Vec<JobRequest>) = open.into_iter().partition(is_new);
+            shared.borrow_mut().extend(known.into_iter().map(|request| request.question));
             new
         };
         let mut sent = 0;
@@ -121,13 +123,13 @@ impl<'a> Questions<'a> {
         let mut failures = Failures::new();
         for job in submitted.jobs.clone() {
             let Some(ended) = collected.fetch(&self.client, &job)? else { continue };
-            let mut by_scene: BTreeMap<String, Vec<(Waiting, Answered)>> = BTreeMap::new();
+            let mut by_scene: BTreeMap<String, Vec<(SentQuestion, Answered)>> = BTreeMap::new();
             for (waiting, answered) in ended.answered {
                 by_scene.entry(waiting.owner.clone()).or_default().push((waiting, answered));
             }
             let mut left = Vec::new();
             for (scene, answered) in by_scene {
-                let all: Vec<Waiting> = answered.iter().map(|(waiting, _)| waiting.clone()).collect();
+                let all: Vec<SentQuestion> = answered.iter().map(|(waiting, _)| waiting.clone()).collect();
                 left.extend(self.record(&scene, answered, &mut collected).unwrap_or_else(|error| {
                     failures.push((scene, error.to_string()));
                     all
@@ -144,9 +146,9 @@ impl<'a> Questions<'a> {
     fn record(
         &self,
         scene: &str,
-        answered: Vec<(Waiting, Answered)>,
+        answered: Vec<(SentQuestion, Answered)>,
         collected: &mut Collected,
-    ) -> Result<Vec<Waiting>> {
+    ) -> Result<Vec<SentQuestion>> {
         let Some(scene) = self.batch.scenes().find(|known| known.name == scene) else {
             return Err(BatchError::NotOfThisBatch.into());
         };
@@ -188,15 +190,15 @@ impl<'a> Questions<'a> {
     }
 
     /// The open questions of a scene. If it has the `first` question of all, the answer to that is recorded instead.
-    fn requests(&self, scene: &Selected, first: Option<&Recording>) -> Result<Vec<Request>> {
+    fn requests(&self, scene: &Selected, first: Option<&Recording>) -> Result<Vec<JobRequest>> {
         self.with_session(scene, |session, queries| {
             let submission = session.submission(&self.client, queries);
             let requests = submission.requests(&scene.name, &mut BTreeSet::new());
-            let is_first = |request: &Request| first.is_some_and(|first| first.key == request.waiting.key);
-            let (answered, open): (Vec<Request>, Vec<Request>) = requests.into_iter().partition(is_first);
-            let with_answer = |(request, first): (Request, &Recording)| {
+            let is_first = |request: &JobRequest| first.is_some_and(|first| first.key == request.question.key);
+            let (answered, open): (Vec<JobRequest>, Vec<JobRequest>) = requests.into_iter().partition(is_first);
+            let with_answer = |(request, first): (JobRequest, &Recording)| {
                 let Recording { response: text, served_model, usage, .. } = first.clone();
-                (request.waiting, Answered { text, served_model, usage })
+                (request.question, Answered { text, served_model, usage })
             };
             let answered = answered.into_iter().zip(first).map(with_answer).collect();
             submission.record(answered, &mut Collected::default())?;
@@ -233,7 +235,7 @@ impl<'a> Questions<'a> {
         let mut pipeline = builder.open()?;
         pipeline.run()?;
         let open = pipeline.opened();
-        let about = AskedAbout::of(open)?;
+        let about = FoundSubjects::of(open)?;
         let session = session(open, &about, &open.options.query)?;
         work(&session, &session.queries()?)
     }

@@ -6,7 +6,7 @@ use std::fmt::Write;
 use crate::gaussians::bounds::longest_side;
 use serde_json::Value;
 
-use crate::consensus::Asked;
+use crate::consensus::AskAbout;
 use crate::error::{Error, Result};
 use crate::grasp::GraspReport;
 use crate::parts::PartsError;
@@ -30,7 +30,7 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
     let found = match stage {
         Stage::Scene | Stage::Report => String::new(),
         Stage::Segment => segments(pipeline.segments()?.as_ref()),
-        Stage::Consensus if pipeline.opened().options.consensus.ask == Asked::Segments => {
+        Stage::Consensus if pipeline.opened().options.consensus.ask == AskAbout::Segments => {
             return Ok(misfit + "no parts: the model is asked about segments");
         }
         Stage::Consensus => parts_of_views(&pipeline.opened().work.read_json(Artifact::FoundParts)?),
@@ -94,13 +94,13 @@ fn parts_of_views(file: &Value) -> String {
 fn answers(found: &Answers) -> String {
     let mut by_material: BTreeMap<&str, usize> = BTreeMap::new();
     let mut failed = 0;
-    for answer in &found.segments {
+    for answer in &found.all {
         match &answer.outcome {
             Outcome::Answered(answer) => *by_material.entry(&answer.material).or_default() += 1,
             Outcome::Failed(_) => failed += 1,
         }
     }
-    let mut text = counted(found.segments.len() - failed, "answer");
+    let mut text = counted(found.all.len() - failed, "answer");
     if failed > 0 {
         text += &format!(", {} without one", counted(failed, "question"));
     }

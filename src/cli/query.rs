@@ -10,8 +10,8 @@ use crate::error::{Result, UsageError};
 use crate::pipeline::Stage;
 use crate::pipeline::picture::Picture;
 use crate::pipeline::query_session::{Pruned, QuerySession};
-use crate::pipeline::stages::asked::AskedAbout;
 use crate::pipeline::stages::query::session;
+use crate::pipeline::stages::subjects::FoundSubjects;
 use crate::query::QueryError;
 use crate::query::exchange::{BadLine, Imported};
 use crate::words::output::one_line;
@@ -51,7 +51,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
             let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, Stage::Consensus, true)?;
             pipeline.run()?;
             let open = pipeline.opened();
-            let about = AskedAbout::of(open)?;
+            let about = FoundSubjects::of(open)?;
             let session = session(open, &about, &open.options.query)?;
             run(global, &session, &action, &format!("gprop run {}", shell::path(&args.scene.scene)))
         }
@@ -80,7 +80,7 @@ fn of_picture(global: &Global, args: &QueryArgs) -> Result<()> {
             if global.quiet && !global.json {
                 return Ok(());
             }
-            print(global, &answers.segments, || shown(&picture.work().path(Artifact::MaterialMap)))
+            print(global, &answers.all, || shown(&picture.work().path(Artifact::MaterialMap)))
         }
     }
 }

@@ -6,7 +6,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use crate::config;
-use crate::consensus::Asked;
+use crate::consensus::AskAbout;
 use crate::error::{Result, UsageError};
 use crate::files::write;
 use crate::film;
@@ -192,8 +192,8 @@ fn dry_run(global: &Global, to: Stage, stages: &[Stage], reusable: &[Stage], que
 /// is asked about segments.
 fn json_of(pipeline: &mut Pipeline, artifact: Artifact) -> Result<Value> {
     Ok(match artifact {
-        Artifact::FoundParts if pipeline.opened().options.consensus.ask == Asked::Segments => Value::Null,
-        Artifact::Answers => serde_json::to_value(&pipeline.answers()?.segments)?,
+        Artifact::FoundParts if pipeline.opened().options.consensus.ask == AskAbout::Segments => Value::Null,
+        Artifact::Answers => serde_json::to_value(&pipeline.answers()?.all)?,
         Artifact::Field => pipeline.opened().work.read_json(Artifact::Labels)?,
         other => pipeline.opened().work.read_json(other)?,
     })

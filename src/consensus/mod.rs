@@ -47,7 +47,7 @@ use planes::Planes;
 use undersegmentation::Regions;
 
 pub use best_views::{PartView, best_views, sharpness};
-pub use options::{Asked, Options, SCENE_KEYS};
+pub use options::{AskAbout, Options, SCENE_KEYS};
 
 /// Neighbours that views split by less are taken as one from the start, which leaves a sixth of the nodes to link.
 const CORE_SPLIT: f64 = 0.02;

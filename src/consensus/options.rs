@@ -22,8 +22,8 @@ pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("ask"), SceneKey::any("ask-v
 #[command(next_help_heading = "Parts")]
 pub struct Options {
     /// Whether to ask the model about parts or about segments
-    #[arg(long, value_enum, default_value_t = Asked::default())]
-    pub ask: Asked,
+    #[arg(long, value_enum, default_value_t = AskAbout::default())]
+    pub ask: AskAbout,
 
     /// Number of views in which to ask about each part; if the answers disagree, more views follow. With --ask segments, the
     /// model is asked about every view
@@ -50,7 +50,7 @@ impl Default for Options {
 /// `--ask`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Asked {
+pub enum AskAbout {
     /// The parts of the object, found in 3D from the segments of all views, each in the views that show it best
     #[default]
     Parts,

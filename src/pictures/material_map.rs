@@ -28,10 +28,11 @@ struct Seen<'a> {
 pub fn draw(photo: &Photo, map: &LabelMap, answers: &Answers) -> RgbImage {
     let legend = legend(map, answers);
     let colors: BTreeMap<u16, Rgb<u8>> = answers
-        .segments
+        .all
         .iter()
-        .filter_map(|segment| {
-            Some((segment.segment, legend.iter().find(|entry| Some(entry.name) == name_of(&segment.outcome))?.color))
+        .filter_map(|answer| {
+            let seen = legend.iter().find(|entry| Some(entry.name) == name_of(&answer.outcome))?;
+            Some((answer.subject.number(), seen.color))
         })
         .collect();
     let mut colored = photo.rgb.clone();
@@ -53,9 +54,9 @@ fn legend<'a>(map: &LabelMap, answers: &'a Answers) -> Vec<Seen<'a>> {
     map.labels.iter().filter(|label| **label != 0).for_each(|label| *pixels_of_segment.entry(*label).or_default() += 1);
     let mut pixels: BTreeMap<&str, usize> = BTreeMap::new();
     let mut unnamed = 0;
-    for segment in &answers.segments {
-        let area = pixels_of_segment.get(&segment.segment).copied().unwrap_or(0);
-        match name_of(&segment.outcome) {
+    for answer in &answers.all {
+        let area = pixels_of_segment.get(&answer.subject.number()).copied().unwrap_or(0);
+        match name_of(&answer.outcome) {
             Some(name) => *pixels.entry(name).or_default() += area,
             None => unnamed += area,
         }

@@ -6,12 +6,12 @@ use std::path::{Path, PathBuf};
 
 use tracing::info;
 
+use crate::consensus::AskAbout;
 use crate::error::{Result, UsageError};
 use crate::materials::MaterialLibrary;
 use crate::pictures::{material_map, png};
 use crate::query::Answers;
 use crate::query::ask::rounds::Subject;
-use crate::query::question::About;
 use crate::scene::Photo;
 use crate::segment::{self, LabelMap, SegmentError, ViewSegments, segment_views};
 use crate::words::progress::Progress;
@@ -117,7 +117,7 @@ impl Picture {
         let home = self.work.root();
         let (query, network) = (&self.options.query, self.options.setup.network());
         check_recordings(query, home, &self.work, self.options.scene.read_scope(home))?;
-        let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: About::Segments, size_in: None };
+        let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: AskAbout::Segments, size_in: None };
         QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
     }
 

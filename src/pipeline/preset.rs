@@ -37,20 +37,20 @@ impl Preset {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::consensus::Asked;
+    use crate::consensus::AskAbout;
     use crate::segment::{GeneratorOptions, Level, PointPrompts};
     use crate::vote::{Agreement, Rule};
 
     #[test]
     fn the_papers_options_are_the_papers() {
         let paper = Preset::Paper.options();
-        assert_eq!((paper.consensus.ask, paper.segment.level), (Asked::Segments, Some(Level::Middle)));
+        assert_eq!((paper.consensus.ask, paper.segment.level), (AskAbout::Segments, Some(Level::Middle)));
         assert_eq!(paper.segment.point_prompts, PointPrompts::Grid);
         assert_eq!((paper.segment.generator.points_per_side, paper.segment.generator.crop_layers), (32, 1));
         assert_eq!((paper.vote.vote, paper.vote.agree), (Rule::Frequency, Agreement::Gaussian));
         assert_eq!(paper.grasp.max_curvature, Some(crate::grasp::curvature::PAPER_1_M));
         let default = Preset::Parts.options();
-        assert_eq!((default.consensus.ask, default.segment.level), (Asked::Parts, None));
+        assert_eq!((default.consensus.ask, default.segment.level), (AskAbout::Parts, None));
     }
 
     #[test]

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::consensus::AskAbout;
 use crate::error::{Context, Result, UsageError};
 use crate::files;
 use crate::files::read_scope::ReadScope;
@@ -14,13 +15,13 @@ use crate::materials::MaterialLibrary;
 use crate::query::ask::asker::Asker;
 use crate::query::ask::budget::Budget;
 use crate::query::ask::cost::{Price, PriceTable, UsdPerMtok};
-use crate::query::ask::rounds::{Outcomes, Subject, Target};
+use crate::query::ask::rounds::{Outcomes, Subject, SubjectInView};
 use crate::query::client::{self, ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Imported};
-use crate::query::question::About;
 use crate::query::recorded::{Answerer, Recordings};
 use crate::query::{
-    Answers, Options, Outcome, Preview, Prompts, Queries, SegmentAnswer, SegmentQuery, SizeAnswer, SizeQuery, ViewInput,
+    Answers, Options, Outcome, Preview, Prompts, Queries, ShownSubject, SizeAnswer, SizeQuestion, SubjectAnswer,
+    SubjectId, ViewSubjects,
 };
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
@@ -41,9 +42,9 @@ pub struct QuerySession<'a> {
     subjects: Vec<Subject>,
     /// Number of views in which each subject is asked about first.
     ask_views: usize,
-    about: About,
+    about: AskAbout,
     /// The question about the size of the object, if it is to be asked.
-    size: Option<SizeQuery>,
+    size: Option<SizeQuestion>,
     prompts: Prompts,
     /// The materials to choose from.
     pub(super) library: Cow<'a, MaterialLibrary>,
@@ -62,7 +63,7 @@ pub struct Subjects<'a> {
     pub subjects: Vec<Subject>,
     /// Number of views in which each subject is asked about first.
     pub ask_views: usize,
-    pub about: About,
+    pub about: AskAbout,
     /// The index of the view in which the size of the object is asked for; `None` if it is not asked for.
     pub size_in: Option<usize>,
 }
@@ -103,7 +104,7 @@ impl<'a> QuerySession<'a> {
         workdir::refuse_link(&spare, "--out")?;
         let read_from: Vec<&Path> = read_from.iter().map(PathBuf::as_path).collect();
         let prompts = prompts(options)?;
-        let size = size_in.map(|index| SizeQuery::new(views[index].name, &views[index].photo, &prompts, options));
+        let size = size_in.map(|index| SizeQuestion::new(views[index].name, &views[index].photo, &prompts, options));
         Ok(Self {
             options,
             size: size.transpose()?,
@@ -142,28 +143,28 @@ impl<'a> QuerySession<'a> {
             let round = self.prepare(&due)?;
             let recorded = round.recorded(&self.recordings, answerer);
             let is_open = due.is_empty() || recorded.iter().any(Option::is_none);
-            answers.extend(due.into_iter().zip(recorded).filter_map(|(target, outcome)| Some((target, outcome?))));
-            queries.segments.extend(round.segments);
+            answers.extend(due.into_iter().zip(recorded).filter_map(|(subject, outcome)| Some((subject, outcome?))));
+            queries.subjects.extend(round.subjects);
             if is_open {
-                queries.segments.sort_by_key(|query| self.place(&query.view, query.segment));
+                queries.subjects.sort_by_key(|subject| self.place(&subject.view, subject.id));
                 return Ok(queries);
             }
         }
     }
 
     /// The questions to ask next, by view and id.
-    fn due(&self, answers: &BTreeMap<Target, Outcome>) -> Vec<Target> {
-        let outcomes: Outcomes = answers.iter().map(|(&target, outcome)| (target, outcome)).collect();
-        let mut due: Vec<Target> =
+    fn due(&self, answers: &BTreeMap<SubjectInView, Outcome>) -> Vec<SubjectInView> {
+        let outcomes: Outcomes = answers.iter().map(|(&subject, outcome)| (subject, outcome)).collect();
+        let mut due: Vec<SubjectInView> =
             self.subjects.iter().flat_map(|subject| subject.due(self.ask_views, &outcomes)).collect();
         due.sort_unstable();
         due
     }
 
-    /// The questions about `targets`, which are sorted, with their sheets.
-    fn prepare(&self, targets: &[Target]) -> Result<Queries<'_>> {
+    /// The questions about `subjects`, which are sorted, with their sheets.
+    fn prepare(&self, subjects: &[SubjectInView]) -> Result<Queries<'_>> {
         let ids_of = |view: usize, map: usize| -> Vec<u16> {
-            let ids = targets.iter().filter(|target| target.view == view).map(|target| target.id);
+            let ids = subjects.iter().filter(|subject| subject.view == view).map(|subject| subject.id);
             let maps = &self.views[view].maps;
             // An id that is in no map is counted among those of the last map, which are then refused.
             let map_of = |id: u16| maps.iter().position(|map| map.labels.contains(&id)).unwrap_or(maps.len() - 1);
@@ -173,22 +174,22 @@ impl<'a> QuerySession<'a> {
         for (number, view) in self.views.iter().enumerate() {
             inputs.extend(view.maps.iter().enumerate().map(|(map, labels)| (view, labels, ids_of(number, map))));
         }
-        let inputs: Vec<ViewInput> = inputs
+        let inputs: Vec<ViewSubjects> = inputs
             .iter()
             .filter(|(.., ids)| !ids.is_empty())
-            .map(|(view, map, ids)| ViewInput { name: view.name, photo: &view.photo, map, ids })
+            .map(|(view, map, ids)| ViewSubjects { name: view.name, photo: &view.photo, map, ids })
             .collect();
         Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options, self.about)?)
     }
 
-    /// The question about the size of the object, if it is to be asked, and none about segments.
+    /// The question about the size of the object, if it is to be asked, and no other.
     fn about_size(&self) -> Result<Queries<'_>> {
         Ok(Queries { size: self.size.as_ref(), ..self.prepare(&[])? })
     }
 
-    fn place(&self, view: &str, id: u16) -> Target {
+    fn place(&self, view: &str, id: u16) -> SubjectInView {
         let view = self.views.iter().position(|other| other.name == view);
-        Target { view: view.expect("questions are about the session's views"), id }
+        SubjectInView { view: view.expect("questions are about the session's views"), id }
     }
 
     /// Estimates what would be sent, and its cost.
@@ -230,22 +231,22 @@ impl<'a> QuerySession<'a> {
             let round = self.prepare(&due)?;
             begin(&round)?;
             let run = round.run(&self.recordings, asker, &budget, self.progress)?;
-            let is_fruitless = run.answers.failed().count() == run.answers.segments.len();
-            answers.extend(due.into_iter().zip(run.answers.segments.into_iter().map(|answer| answer.outcome)));
+            let is_fruitless = run.answers.failed().count() == run.answers.all.len();
+            answers.extend(due.into_iter().zip(run.answers.all.into_iter().map(|answer| answer.outcome)));
             // Answers may call for more questions. Failures do not: the next ones would fail as well.
             if is_fruitless {
                 break;
             }
         }
-        let segments = answers.into_iter().map(|(Target { view, id }, outcome)| SegmentAnswer {
+        let all = answers.into_iter().map(|(SubjectInView { view, id }, outcome)| SubjectAnswer {
             view: self.views[view].name.to_owned(),
-            segment: id,
+            subject: SubjectId::of(self.about, id),
             outcome,
         });
-        let answers = Answers { segments: segments.collect() };
+        let answers = Answers::new(all.collect());
         let spent = budget.spent();
         if spent.requests > 0 {
-            let (failed, all) = (answers.failed().count(), answers.segments.len());
+            let (failed, all) = (answers.failed().count(), answers.all.len());
             progress::notice(&format!("asked: {spent}; {failed} of {all} questions failed"));
         }
         Ok((answers, size))
@@ -257,10 +258,10 @@ impl<'a> QuerySession<'a> {
         // Whoever will answer, it is not the server.
         let queries = self.queries_for(None)?;
         // The number of a segment identifies it only within its view; the number of a part is the same in all views.
-        let part_of = |query: &SegmentQuery| {
-            let is_its = |target: &Target| self.views[target.view].name == query.view && target.id == query.segment;
+        let part_of = |shown: &ShownSubject| {
+            let is_its = |one: &SubjectInView| self.views[one.view].name == shown.view && one.id == shown.id;
             let subject = self.subjects.iter().position(|subject| subject.all().iter().any(is_its));
-            (subject.unwrap_or(self.subjects.len()), query.segment)
+            (subject.unwrap_or(self.subjects.len()), shown.id)
         };
         Ok(exchange::export(folder, &queries.unanswered(&self.recordings, None), &self.library, &part_of)?)
     }
@@ -271,7 +272,7 @@ impl<'a> QuerySession<'a> {
         Ok(exchange::import(folder, model, &self.queries()?, &self.recordings)?)
     }
 
-    /// Removes recordings from the views' own folder that none of their segments uses with these options, whoever
+    /// Removes recordings from the views' own folder that none of their questions uses with these options, whoever
     /// answered. A folder given with `--recordings` may be used by other scenes too and is not changed.
     pub fn prune(&self) -> Result<Pruned> {
         let folder = &self.own_recordings;
@@ -281,7 +282,7 @@ impl<'a> QuerySession<'a> {
             return Err(UsageError(format!("{folder:?} {problem}")).into());
         }
         let own = Recordings::open(&[], &self.own_recordings)?;
-        let mut all: Vec<Target> = self.subjects.iter().flat_map(Subject::all).collect();
+        let mut all: Vec<SubjectInView> = self.subjects.iter().flat_map(Subject::all).collect();
         all.sort_unstable();
         let used = Queries { size: self.size.as_ref(), ..self.prepare(&all)? }.used(&own);
         let (kept, useless): (Vec<_>, Vec<_>) = own.keys().into_iter().partition(|key| used.contains(key));
@@ -300,10 +301,10 @@ impl<'a> QuerySession<'a> {
 pub fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), WorkDirError> {
     let object = queries.size.map(|size| &size.shown);
     queries
-        .segments
+        .subjects
         .iter()
         .chain(object)
-        .try_for_each(|segment| work.write(Artifact::Sheet(&segment.view, segment.segment), &segment.jpeg))
+        .try_for_each(|subject| work.write(Artifact::Sheet(&subject.view, subject.id), &subject.jpeg))
 }
 
 /// Refuses recordings beside the scene or picture in `home`, or in the work folder, that lead outside `scope`. A folder

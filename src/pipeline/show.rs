@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 
 use super::segment_files::open_segmenter;
 use super::stages::OpenScene;
-use super::stages::asked::AskedAbout;
 use super::stages::query::fullest_view;
+use super::stages::subjects::FoundSubjects;
 use super::stages::vote::{ShowsMost, draw, object};
 use crate::error::{Result, UsageError};
 use crate::film;
 use crate::pictures::figure::Shown;
 use crate::pictures::turntable::Turntable;
 use crate::pictures::{png, segmented};
-use crate::query::{Answers, Outcome};
+use crate::query::{Answers, Outcome, SubjectId};
 use crate::scene::{self, View};
 use crate::vote::MaterialField;
 
@@ -29,20 +29,20 @@ pub fn vote(open: &OpenScene, view: Option<&str>) -> Result<Vec<u8>> {
     let (field, answers) = (open.get::<MaterialField>()?, open.get::<Answers>()?);
     let view = found(view, open.get::<ShowsMost>()?.view(open), &open.views)?;
     let index = open.views.iter().position(|chosen| chosen.name == view.name).unwrap_or(0);
-    let about = AskedAbout::of(open)?;
+    let about = FoundSubjects::of(open)?;
     let map = match &about {
-        AskedAbout::Parts(found) => &found.maps[index],
-        AskedAbout::Segments(segmentation) => &segmentation.views[index].map,
+        FoundSubjects::Parts(found) => &found.maps[index],
+        FoundSubjects::Segments(segmentation) => &segmentation.views[index].map,
     };
-    let outcomes = answers.by_segment();
-    let material = |id: u16| match outcomes.get(&(&*view.name, id))? {
+    let outcomes = answers.by_subject();
+    let material = |id: u16| match outcomes.get(&(&*view.name, SubjectId::of(about.about(), id)))? {
         Outcome::Answered(answer) => Some(answer.material.clone()),
         Outcome::Failed(_) => None,
     };
     // A piece without an answer of its own has that of its part.
     let part_of = |id: u16| match &about {
-        AskedAbout::Parts(found) => found.part_of(id),
-        AskedAbout::Segments(_) => id,
+        FoundSubjects::Parts(found) => found.part_of(id),
+        FoundSubjects::Segments(_) => id,
     };
     let most = map.labels.iter().max().copied().unwrap_or(0);
     let answered: BTreeMap<u16, String> =

@@ -7,8 +7,8 @@ use crate::query::{AnswerSource, Answers, Context, Options};
 use crate::vote::{MaterialField, VoteError};
 
 use super::stages::OpenScene;
-use super::stages::asked::AskedAbout;
 use super::stages::query::session;
+use super::stages::subjects::FoundSubjects;
 use super::stages::vote::{elect, voters};
 
 /// The fields of one scene.
@@ -25,7 +25,7 @@ pub struct Variants {
 
 /// The fields under the ablations; the scene must be voted on. Uses recordings only.
 pub fn variants(open: &OpenScene) -> Result<Variants> {
-    let (about, answers) = (AskedAbout::of(open)?, open.get::<Answers>()?);
+    let (about, answers) = (FoundSubjects::of(open)?, open.get::<Answers>()?);
     let maps = about.settled_maps(open, &answers);
     let voters = voters(&open.views, &maps);
     let mut single_views = Vec::new();
@@ -41,7 +41,7 @@ pub fn variants(open: &OpenScene) -> Result<Variants> {
     Ok(Variants { voted: open.get()?, local_only, single_views })
 }
 
-fn local_answers(open: &OpenScene, about: &AskedAbout) -> Result<Option<Answers>> {
+fn local_answers(open: &OpenScene, about: &FoundSubjects) -> Result<Option<Answers>> {
     let recorded = Options { answers: AnswerSource::Replay, lmm_url: None, ..open.options.query.clone() };
     let options = Options { context: Context::Local, ..recorded };
     let session = session(open, about, &options)?;
@@ -49,7 +49,7 @@ fn local_answers(open: &OpenScene, about: &AskedAbout) -> Result<Option<Answers>
     match queries.unanswered(&session.recordings, None).len() {
         0 => Ok(Some(session.answer_all(&|_| Ok(()))?.0)),
         unanswered => {
-            let (name, all) = (&open.scene.name, queries.segments.len());
+            let (name, all) = (&open.scene.name, queries.subjects.len());
             let line = format!("{name}: {unanswered} of {all} questions have no answer recorded for the part alone");
             open.progress().line(&line);
             Ok(None)

@@ -1,4 +1,4 @@
-//! Errors of the queries as a whole. The failure of a single segment is a [`super::Failure`].
+//! Errors of the queries as a whole. The failure of a single question is a [`super::Failure`].
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -31,9 +31,9 @@ pub enum QueryError {
     #[error(
         "no recorded answer for {} of {}:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
          in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR with the same options",
-        .missing.len(), output::counted(*.segments, "question"), listed(.missing)
+        .missing.len(), output::counted(*.questions, "question"), listed(.missing)
     )]
-    Missing { segments: usize, missing: Vec<MissingSegment> },
+    Missing { questions: usize, missing: Vec<MissingAnswer> },
     #[error(
         "no usable recorded answer for the length of the object ({miss}), which --scale estimate asks for in view {view}\nAsk a model: \
          --lmm-url URL --lmm-model NAME with the key in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE \
@@ -55,8 +55,8 @@ pub enum QueryError {
         output::counted(*.left, "question")
     )]
     BudgetSpent { max_usd: f64, spent_usd: f64, left: usize },
-    #[error("{error}: {} {} no recorded answer, and no server was asked", output::counted(*.segments, "question"), output::agreeing(*.segments, "has", "have"))]
-    NotReady { error: AskError, segments: usize },
+    #[error("{error}: {} {} no recorded answer, and no server was asked", output::counted(*.questions, "question"), output::agreeing(*.questions, "has", "have"))]
+    NotReady { error: AskError, questions: usize },
     #[error("{source}; nothing more was asked. {}", where_kept(.folder, .spare.as_deref()))]
     Unkept {
         source: RecordingError,
@@ -75,10 +75,10 @@ pub enum QueryError {
     Announced { requests: usize, left: usize, spent: Spent },
     #[error(transparent)]
     InVain(Box<InVain>),
-    #[error("{}: {}", unanswered(*.segments), counted(.failures))]
+    #[error("{}: {}", unanswered(*.questions), counted(.failures))]
     AllFailed {
-        segments: usize,
-        /// Each failure with the number of segments that it applies to, the most frequent first.
+        questions: usize,
+        /// Each failure with the number of questions that it applies to, the most frequent first.
         failures: Vec<(Failure, usize)>,
     },
     #[error(
@@ -169,11 +169,12 @@ impl fmt::Display for InVain {
     }
 }
 
-/// A segment without a recorded answer.
+/// A question without a recorded answer.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MissingSegment {
+pub struct MissingAnswer {
     pub view: String,
-    pub segment: u16,
+    /// The id of its subject in the view's label map.
+    pub subject: u16,
     pub miss: Miss,
 }
 
@@ -181,21 +182,21 @@ impl Answers {
     /// Checks that there is at least one answer to continue with.
     ///
     /// # Errors
-    /// [`QueryError::AllFailed`] if there are segments and none of them is answered.
+    /// [`QueryError::AllFailed`] if there are questions and none of them is answered.
     pub fn require_any(&self) -> Result<(), QueryError> {
         let mut failures: Vec<(Failure, usize)> = Vec::new();
-        for segment in &self.segments {
-            let Outcome::Failed(failure) = &segment.outcome else { return Ok(()) };
+        for answer in &self.all {
+            let Outcome::Failed(failure) = &answer.outcome else { return Ok(()) };
             match failures.iter_mut().find(|(known, _)| known == failure) {
-                Some((_, segments)) => *segments += 1,
+                Some((_, questions)) => *questions += 1,
                 None => failures.push((failure.clone(), 1)),
             }
         }
         if failures.is_empty() {
             return Ok(());
         }
-        failures.sort_by_key(|(_, segments)| std::cmp::Reverse(*segments));
-        Err(QueryError::AllFailed { segments: self.segments.len(), failures })
+        failures.sort_by_key(|(_, questions)| std::cmp::Reverse(*questions));
+        Err(QueryError::AllFailed { questions: self.all.len(), failures })
     }
 }
 
@@ -206,7 +207,7 @@ fn counted(failures: &[(Failure, usize)]) -> String {
     let mut words: Vec<String> = failures
         .iter()
         .take(SHOWN_FAILURES)
-        .map(|(failure, segments)| format!("{failure} ({})", output::counted(*segments, "question")))
+        .map(|(failure, questions)| format!("{failure} ({})", output::counted(*questions, "question")))
         .collect();
     if failures.len() > SHOWN_FAILURES {
         words.push(format!("and {} more; see answers.jsonl", failures.len() - SHOWN_FAILURES));
@@ -248,19 +249,19 @@ fn unanswered(questions: usize) -> String {
     }
 }
 
-/// Every missing segment, grouped by view and reason.
-fn listed(missing: &[MissingSegment]) -> String {
+/// Every missing answer, grouped by view and reason.
+fn listed(missing: &[MissingAnswer]) -> String {
     let mut lines: Vec<(&str, String, Vec<String>)> = Vec::new();
-    for segment in missing {
-        let reason = segment.miss.to_string();
-        match lines.iter_mut().find(|(view, known, _)| *view == segment.view && *known == reason) {
-            Some((_, _, segments)) => segments.push(segment.segment.to_string()),
-            None => lines.push((&segment.view, reason, vec![segment.segment.to_string()])),
+    for answer in missing {
+        let reason = answer.miss.to_string();
+        match lines.iter_mut().find(|(view, known, _)| *view == answer.view && *known == reason) {
+            Some((_, _, ids)) => ids.push(answer.subject.to_string()),
+            None => lines.push((&answer.view, reason, vec![answer.subject.to_string()])),
         }
     }
-    let line = |(view, reason, segments): (&str, String, Vec<String>)| {
-        let word = if segments.len() == 1 { "question" } else { "questions" };
-        format!("\n  view {view}, {word} {} ({reason})", segments.join(", "))
+    let line = |(view, reason, ids): (&str, String, Vec<String>)| {
+        let word = if ids.len() == 1 { "question" } else { "questions" };
+        format!("\n  view {view}, {word} {} ({reason})", ids.join(", "))
     };
     lines.into_iter().map(line).collect()
 }

@@ -18,26 +18,62 @@ pub mod recorded;
 
 pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};
-pub use ask::queries::{Queries, ViewInput};
+pub use ask::queries::{Queries, ViewSubjects};
 pub use ask::run::{Preview, Run};
-pub use ask::size::{Size, SizeAnswer, SizeOutcome, SizeQuery};
-pub use error::{InVain, MissingSegment, QueryError};
+pub use ask::size::{Size, SizeAnswer, SizeOutcome, SizeQuestion};
+pub use error::{InVain, MissingAnswer, QueryError};
 pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
 pub use question::prompt::{PromptError, Prompts};
-pub use question::segment_query::SegmentQuery;
+pub use question::shown_subject::ShownSubject;
 pub use recorded::sha256::Sha256Hex;
 
 use serde::{Deserialize, Serialize};
 
+use crate::consensus::AskAbout;
 use crate::materials::Material;
 use crate::units::{Range, ShoreHardness};
 
-/// The result for one segment of one view. A line of `answers.jsonl`.
+/// The subject of a question, by its id in the view's label map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SubjectId {
+    /// A part of the object or a piece of one, by its part id, which is the same in all views.
+    Part(u16),
+    /// A segment, by its number within the view.
+    Segment(u16),
+}
+
+impl SubjectId {
+    /// The subject with this id if the questions are about parts or about segments.
+    pub fn of(about: AskAbout, id: u16) -> Self {
+        match about {
+            AskAbout::Parts => Self::Part(id),
+            AskAbout::Segments => Self::Segment(id),
+        }
+    }
+
+    /// The id without what it is of: the number in the names of sheets.
+    pub fn number(self) -> u16 {
+        let (Self::Part(id) | Self::Segment(id)) = self;
+        id
+    }
+}
+
+impl std::fmt::Display for SubjectId {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Part(id) => write!(f, "part {id}"),
+            Self::Segment(id) => write!(f, "segment {id}"),
+        }
+    }
+}
+
+/// The outcome of one question: about one subject in one view. A line of `answers.jsonl`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SegmentAnswer {
+pub struct SubjectAnswer {
     pub view: String,
-    /// Id of the segment or part in the view's label map.
-    pub segment: u16,
+    #[serde(flatten)]
+    pub subject: SubjectId,
     #[serde(flatten)]
     pub outcome: Outcome,
 }
@@ -51,7 +87,7 @@ pub enum Outcome {
     Failed(Failure),
 }
 
-/// A segment's material and properties, validated against the schema and the library.
+/// A subject's material and properties, validated against the schema and the library.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Answer {
     pub caption: String,
@@ -147,7 +183,7 @@ pub enum Match {
     Mask { iou: f64 },
 }
 
-/// Why a segment has no answer.
+/// Why a question has no answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "failure", rename_all = "snake_case")]
 pub enum Failure {
@@ -172,16 +208,16 @@ impl std::fmt::Display for Failure {
     }
 }
 
-/// The answers of all segments of all views, by view in the order of the views, then by segment id.
+/// The answers about all subjects in all views, by view in the order of the views, then by id.
 #[derive(Debug, Clone, PartialEq, Default)]
 #[non_exhaustive]
 pub struct Answers {
-    pub segments: Vec<SegmentAnswer>,
+    pub all: Vec<SubjectAnswer>,
 }
 
 impl Answers {
     /// These answers, in their order.
-    pub fn new(segments: Vec<SegmentAnswer>) -> Self {
-        Self { segments }
+    pub fn new(all: Vec<SubjectAnswer>) -> Self {
+        Self { all }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
-use crate::query::{Answers, Outcome};
+use crate::query::{Answers, Outcome, SubjectId};
 
 /// A part to which the answers give several materials.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
@@ -26,13 +26,13 @@ pub struct NamedMaterial {
 }
 
 impl Disagreement {
-    /// The parts whose answers name more than one material, by id. The answers must be about parts: a segment's
-    /// number means something else in every view.
+    /// The parts whose answers name more than one material, by id. Answers about segments do not count: a segment's number
+    /// means something else in every view.
     pub fn all(answers: &Answers) -> Vec<Self> {
         let mut named: BTreeMap<u16, BTreeMap<&str, Vec<String>>> = BTreeMap::new();
-        for answer in &answers.segments {
-            if let Outcome::Answered(said) = &answer.outcome {
-                let views = named.entry(answer.segment).or_default().entry(&said.material).or_default();
+        for answer in &answers.all {
+            if let (SubjectId::Part(id), Outcome::Answered(said)) = (answer.subject, &answer.outcome) {
+                let views = named.entry(id).or_default().entry(&said.material).or_default();
                 views.push(answer.view.clone());
             }
         }
@@ -51,30 +51,30 @@ impl Disagreement {
 mod tests {
     use super::*;
     use crate::materials::MaterialLibrary;
-    use crate::query::{Answer, Failure, SegmentAnswer};
+    use crate::query::{Answer, Failure, SubjectAnswer};
 
-    fn answer(view: &str, part: u16, material: &str) -> SegmentAnswer {
+    fn answer(view: &str, part: u16, material: &str) -> SubjectAnswer {
         let any = &MaterialLibrary::builtin().materials()[0];
         let said = Answer { material: material.to_owned(), ..Answer::of(any) };
-        SegmentAnswer { view: view.to_owned(), segment: part, outcome: Outcome::Answered(said) }
+        SubjectAnswer { view: view.to_owned(), subject: SubjectId::Part(part), outcome: Outcome::Answered(said) }
     }
 
     #[test]
     fn parts_with_several_materials_are_listed_with_their_views() {
         let refused = Outcome::Failed(Failure::Refused { message: "no".to_owned() });
-        let segments = vec![
+        let all = vec![
             answer("a", 1, "oak"),
             answer("a", 2, "pine"),
             answer("b", 1, "oak"),
             answer("b", 2, "ash"),
             answer("c", 2, "pine"),
-            SegmentAnswer { view: "c".to_owned(), segment: 1, outcome: refused },
+            SubjectAnswer { view: "c".to_owned(), subject: SubjectId::Part(1), outcome: refused },
         ];
         let named = |material: &str, views: &[&str]| NamedMaterial {
             material: material.to_owned(),
             views: views.iter().map(|view| (*view).to_owned()).collect(),
         };
         let expected = Disagreement { part: 2, materials: vec![named("pine", &["a", "c"]), named("ash", &["b"])] };
-        assert_eq!(Disagreement::all(&Answers { segments }), [expected]);
+        assert_eq!(Disagreement::all(&Answers { all }), [expected]);
     }
 }

@@ -161,8 +161,8 @@ impl AnswerCounts {
     /// Counts the answers by how each was found.
     pub fn of(answers: &Answers) -> Self {
         let mut counts = Self::default();
-        for segment in &answers.segments {
-            match &segment.outcome {
+        for answer in &answers.all {
+            match &answer.outcome {
                 Outcome::Failed(_) => counts.failed += 1,
                 Outcome::Answered(answer) => match answer.matched {
                     // Live answers are recorded first.

@@ -54,11 +54,12 @@ pub struct ViewPictures {
     pub part_of_segment: BTreeMap<u16, u32>,
 }
 
-/// The sheet of a segment of a view, as JPEG.
+/// The sheet of a subject in a view, as JPEG.
 #[derive(Debug, Clone)]
 pub struct SheetPicture {
     pub view: String,
-    pub segment: u16,
+    /// Its id in the view's label map.
+    pub subject: u16,
     pub jpeg: Vec<u8>,
 }
 
@@ -75,9 +76,9 @@ impl SheetPicture {
     ///
     /// # Errors
     /// If it is not a picture.
-    pub fn shrink(view: &str, segment: u16, sheet: &[u8]) -> ImageResult<Self> {
+    pub fn shrink(view: &str, subject: u16, sheet: &[u8]) -> ImageResult<Self> {
         let picture = ImageReader::with_format(files::picture_of(sheet), ImageFormat::Jpeg).decode()?.into_rgb8();
-        Ok(Self { view: view.to_owned(), segment, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
+        Ok(Self { view: view.to_owned(), subject, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
     }
 }
 

@@ -123,9 +123,9 @@ pub(super) fn answers(answers: &Answers, pictures: &Pictures) -> String {
         Outcome::Failed(_) => String::new(),
     };
     Columns::new()
-        .text("view", |row: &crate::query::SegmentAnswer| row.view.clone())
-        .number("segment", |row| Some(row.segment))
-        .number("part", |row| pictures.part_of(&row.view, row.segment))
+        .text("view", |row: &crate::query::SubjectAnswer| row.view.clone())
+        .number("segment", |row| Some(row.subject.number()))
+        .number("part", |row| pictures.part_of(&row.view, row.subject.number()))
         .text("caption", move |row| said(&row.outcome, |answer| answer.caption.clone()))
         .text("material", move |row| said(&row.outcome, |answer| answer.material.clone()))
         .number("confidence", |row| match &row.outcome {
@@ -136,7 +136,7 @@ pub(super) fn answers(answers: &Answers, pictures: &Pictures) -> String {
             Outcome::Answered(_) => String::new(),
             Outcome::Failed(failure) => failure.to_string(),
         })
-        .csv(&answers.segments)
+        .csv(&answers.all)
 }
 
 /// The columns that say which part a row is about.

@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use super::{AnsweredPart, ViewInput, VoteError};
 use crate::materials::MaterialLibrary;
-use crate::query::{Answer, Answers, Outcome};
+use crate::query::{Answer, Answers, Outcome, SubjectId};
 use crate::words::output::{agreeing, counted};
 
 /// A segment of one view, or a part as one view shows it.
@@ -38,10 +38,12 @@ impl<'a> AnsweredSegments<'a> {
     /// # Errors
     /// [`VoteError::UnknownMaterial`] if an answer names a material that `library` does not have.
     pub fn new(views: &[ViewInput], answers: &'a Answers, library: &MaterialLibrary) -> Result<Self, VoteError> {
-        let outcomes = answers.by_segment();
-        let mut found = Self::of_answers(views, "segment", |view, id| match outcomes.get(&(views[view].name, id))? {
-            Outcome::Answered(answer) => Some(answer),
-            Outcome::Failed(_) => None,
+        let outcomes = answers.by_subject();
+        let mut found = Self::of_answers(views, "segment", |view, id| {
+            match outcomes.get(&(views[view].name, SubjectId::Segment(id)))? {
+                Outcome::Answered(answer) => Some(answer),
+                Outcome::Failed(_) => None,
+            }
         });
         for segment in &found.segments {
             let about = || format!("segment {} of view `{}`", segment.segment, views[segment.view].name);

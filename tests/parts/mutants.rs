@@ -59,13 +59,13 @@ impl Line {
 
     /// The answers name any material; their densities are the true ones.
     fn tell_the_densities(&mut self, truth: &truth::Truth) {
-        for segment in &mut self.answers.segments {
+        for segment in &mut self.answers.all {
             let Outcome::Answered(answer) = &mut segment.outcome else { continue };
             let known = truth.parts.iter().find(|known| known.name == answer.caption).unwrap();
             answer.density_kg_m3 = Range::exactly(known.density_kg_m3);
         }
         let voting: Vec<&str> = self.maps.iter().map(|(view, _)| view.name.as_str()).collect();
-        self.answers.segments.retain(|segment| voting.contains(&segment.view.as_str()));
+        self.answers.all.retain(|segment| voting.contains(&segment.view.as_str()));
     }
 
     fn gaussians(&self) -> &Gaussians {

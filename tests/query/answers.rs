@@ -1,7 +1,10 @@
+use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
 use gprop::query::answer::{Problem, Unknown};
-use gprop::query::question::{About, Questions, Reading};
-use gprop::query::{Answer, Answers, Context, Failure, Form, Guidance, Inside, Match, Outcome, Prompts, SegmentAnswer};
+use gprop::query::question::{Questions, Reading};
+use gprop::query::{
+    Answer, Answers, Context, Failure, Form, Guidance, Inside, Match, Outcome, Prompts, SubjectAnswer, SubjectId,
+};
 use gprop::units::{Range, ShoreScale};
 use serde_json::{Value, json};
 
@@ -10,7 +13,7 @@ use super::{a, good_answer, good_answer_about_part, with};
 fn read_as(response: &str, unknown: Unknown) -> Result<Answer, Problem> {
     let library = MaterialLibrary::builtin();
     let questions =
-        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, About::Parts)
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, AskAbout::Parts)
             .unwrap();
     match questions.read(questions.first(), response, library, unknown)? {
         Reading::Answered(answer) => Ok(*answer),
@@ -87,7 +90,7 @@ fn a_family_is_taken_in_any_case() {
     }
     let (prompts, library) = (Prompts::builtin(), MaterialLibrary::builtin());
     let questions =
-        Questions::new(&prompts, library, Guidance::FamilyFirst, Context::GlobalLocal, About::Parts).unwrap();
+        Questions::new(&prompts, library, Guidance::FamilyFirst, Context::GlobalLocal, AskAbout::Parts).unwrap();
     let response = json!({ "caption": "a part", "family": "WOOD" }).to_string();
     let reading = questions.read(questions.first(), &response, library, Unknown::Refuse).unwrap();
     assert!(matches!(reading, Reading::Next(next) if next.prompt.contains(a("wood"))));
@@ -320,9 +323,11 @@ fn answers_survive_json_lines() {
         failed(Failure::Refused { message: "no".into() }),
         failed(Failure::UnknownMaterial { material: "x,y".into() }),
     ];
-    let segments =
-        (1..).zip(outcomes).map(|(segment, outcome)| SegmentAnswer { view: "000".into(), segment, outcome }).collect();
-    let answers = Answers::new(segments);
+    let all = (1..)
+        .zip(outcomes)
+        .map(|(id, outcome)| SubjectAnswer { view: "000".into(), subject: SubjectId::Part(id), outcome })
+        .collect();
+    let answers = Answers::new(all);
     let text = answers.to_jsonl();
     assert_eq!(text.lines().count(), 4);
     assert_eq!(Answers::from_jsonl(&text).unwrap(), answers);
@@ -330,7 +335,7 @@ fn answers_survive_json_lines() {
     let error = Answers::from_jsonl(&format!("{text}\n{{\"view\":1}}\n")).unwrap_err();
     assert!(error.to_string().starts_with("line 6: "), "{error}");
     let error = Answers::from_jsonl(&format!("{text}{text}")).unwrap_err();
-    assert_eq!(error.to_string(), "line 5: the segment 1 of view \"000\" has an answer already");
+    assert_eq!(error.to_string(), "line 5: part 1 of view \"000\" has an answer already");
 }
 
 /// A shell with what is said to be in it.
@@ -387,7 +392,7 @@ fn a_mixed_part_has_the_density_of_the_whole() {
 fn an_answer_about_a_segment_leaves_the_inside_unknown() {
     let library = MaterialLibrary::builtin();
     let questions =
-        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, About::Segments)
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, AskAbout::Segments)
             .unwrap();
     let of_segment = with(with(good_answer(a("wood")), "form", json!("shell")), "wall_thickness_mm", json!([1, 2]));
     let Ok(Reading::Answered(answer)) =

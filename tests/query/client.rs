@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use crate::support::server::{MockServer, Request, Response, json_of};
-use gprop::query::ask::asker::{Ask, AskError, Asker, Correction, Reply, ReplyContent};
+use gprop::query::ask::asker::{self, AskError, Asker, Correction, Reply, ReplyContent};
 use gprop::query::ask::budget::Budget;
 use gprop::query::ask::cost::Cost;
 use gprop::query::client::{ApiKey, Client, ClientError};
@@ -54,7 +54,10 @@ pub fn ask(client: &Client, correction: Option<Correction>) -> Result<Reply, Ask
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let budget = Budget::new(None, None);
     let account = budget.account(Cost::default());
-    client.ask(Ask { question: queries.questions.first(), picture: &queries.segments[0].jpeg, correction }, &account)
+    client.ask(
+        asker::Request { question: queries.questions.first(), picture: &queries.subjects[0].jpeg, correction },
+        &account,
+    )
 }
 
 pub fn ok(text: &str) -> Response {
@@ -342,7 +345,7 @@ fn five_hundred_queries_with_faults_end_with_five_hundred_answers_each_paid_once
     let prompts = Prompts::builtin();
     let queries = prepare(&[grid(500)], &prompts, &options);
     let outcome = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
-    assert_eq!(outcome.answers.segments.len(), 500);
+    assert_eq!(outcome.answers.all.len(), 500);
     assert_eq!(outcome.answers.failed().count(), 0);
     assert_eq!(recordings(folder.path()).len(), 500);
     // Those that failed with 500 or 503 may have been billed, those with 429 were not.
@@ -375,6 +378,6 @@ fn an_endpoint_failure_of_one_segment_leaves_the_others_answered() {
     let outcome =
         run(&prepare(&[two_segments("000", 80, 80)], &prompts, &options), &recordings(folder.path()), Some(&client))
             .unwrap();
-    assert!(matches!(&outcome.answers.segments[0].outcome, Outcome::Failed(Failure::Endpoint { .. })));
-    assert!(matches!(&outcome.answers.segments[1].outcome, Outcome::Answered(_)));
+    assert!(matches!(&outcome.answers.all[0].outcome, Outcome::Failed(Failure::Endpoint { .. })));
+    assert!(matches!(&outcome.answers.all[1].outcome, Outcome::Answered(_)));
 }

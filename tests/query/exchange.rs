@@ -6,7 +6,7 @@ use gprop::materials::MaterialLibrary;
 use gprop::query::ask::rounds::Subject;
 use gprop::query::exchange::{self, ExchangeError};
 use gprop::query::recorded::{Answerer, Recording, Recordings};
-use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts, Queries, SegmentQuery};
+use gprop::query::{AnswerSource, Match, Options, Outcome, Prompts, Queries, ShownSubject};
 use serde_json::{Value, json};
 
 use super::batch_api::Place;
@@ -22,7 +22,7 @@ fn names(text: &str) -> Vec<String> {
 
 /// Writes the unanswered questions, those about segments of one number together; returns how many.
 pub fn export(out: &Path, queries: &Queries, store: &Recordings) -> usize {
-    let part_of = |query: &SegmentQuery| (0, query.segment);
+    let part_of = |shown: &ShownSubject| (0, shown.id);
     exchange::export(out, &queries.unanswered(store, None), MaterialLibrary::builtin(), &part_of).unwrap()
 }
 
@@ -70,9 +70,9 @@ fn what_goes_out_comes_back_and_is_replayed() {
     let replayed = run(&prepare(&views, &prompts, &replay), &recordings(&recorded), None).unwrap();
     let materials: Vec<_> = replayed
         .answers
-        .segments
+        .all
         .iter()
-        .map(|segment| match &segment.outcome {
+        .map(|answer| match &answer.outcome {
             Outcome::Answered(answer) => (answer.material.as_str(), answer.matched),
             Outcome::Failed(failure) => panic!("{failure:?}"),
         })
@@ -92,7 +92,7 @@ fn an_answer_that_cannot_be_used_is_exported_and_yields_to_any_other() {
         let home = tempfile::tempdir().unwrap();
         let (out, recorded) = (home.path().join("out"), home.path().join("recorded"));
         let store = recordings(&recorded);
-        for segment in &queries.segments {
+        for segment in &queries.subjects {
             let asked = segment.asked(queries.questions.first());
             let answerer = Answerer { model: "older".into(), parameters: Value::Null };
             store.insert(&Recording::new(&answerer, asked, "about wood".into(), None, None)).unwrap();

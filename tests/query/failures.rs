@@ -138,7 +138,7 @@ fn one_question_is_asked_at_a_time_until_a_reply_is_usable() {
         None => ok(&good_answer(a("wood")).to_string()),
     });
     let (result, _) = ask_about(25, &Options { lmm_parallel: 8, ..server.options() });
-    assert!(result.unwrap().answers.segments.iter().all(|segment| matches!(segment.outcome, Outcome::Answered(_))));
+    assert!(result.unwrap().answers.all.iter().all(|answer| matches!(answer.outcome, Outcome::Answered(_))));
     assert_eq!(server.requests().len(), 2 + 25);
 }
 

@@ -2,10 +2,10 @@
 
 use std::fs;
 
+use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
 use gprop::query::Prompts;
 use gprop::query::exchange;
-use gprop::query::question::About;
 use serde_json::{Value, json};
 
 use super::exchange::export;
@@ -129,7 +129,7 @@ fn the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("out");
     let (prompts, options) = (Prompts::builtin(), small());
-    let queries = prepare_about(About::Parts, &[two_segments("000", 80, 80)], &prompts, &options);
+    let queries = prepare_about(AskAbout::Parts, &[two_segments("000", 80, 80)], &prompts, &options);
     export(&out, &queries, &recordings(&home.path().join("recorded")));
     let url = format!("file://{}", out.join("form.html").display());
     let test = "the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed";

@@ -183,7 +183,7 @@ fn what_was_certainly_not_billed_does_not_count() {
         _ => send(stream, "200 OK", "", &good()),
     });
     let run = run_within(&server.options(), 1.5).unwrap();
-    assert!(matches!(&run.answers.segments[0].outcome, Outcome::Answered(_)), "{:?}", run.answers);
+    assert!(matches!(&run.answers.all[0].outcome, Outcome::Answered(_)), "{:?}", run.answers);
     assert_eq!((server.requests(), run.spent.requests, run.spent.unanswered), (7, 1, 0));
 
     // No server listens on port 1, and no other test may get it.

@@ -41,7 +41,7 @@ fn two_runs_on_one_scene_pay_once() {
             scope.spawn(move || {
                 let client = connect(options, None).unwrap().unwrap();
                 let outcome = run(queries, store, Some(&client)).unwrap();
-                assert_eq!((outcome.answers.segments.len(), outcome.answers.failed().count()), (50, 0));
+                assert_eq!((outcome.answers.all.len(), outcome.answers.failed().count()), (50, 0));
             });
         }
     });
@@ -78,7 +78,7 @@ fn a_lock_whose_owner_died_keeps_no_run_out_and_goes() {
     let (folder, prompts, options) = (tempfile::tempdir().unwrap(), Prompts::builtin(), small());
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
-    for segment in &queries.segments {
+    for segment in &queries.subjects {
         let key = key(&wood.answerer, &segment.asked(queries.questions.first()));
         fs::write(folder.path().join(format!(".asking-{key}.lock")), "").unwrap();
     }
@@ -95,7 +95,7 @@ fn a_lock_that_is_a_link_is_not_followed() {
     let target = outside.path().join("made");
     let wood = Scripted::new(|_| text(good_answer(a("wood"))));
     let queries = prepare(&[one_segment()], &prompts, &options);
-    let key = key(&wood.answerer, &queries.segments[0].asked(queries.questions.first()));
+    let key = key(&wood.answerer, &queries.subjects[0].asked(queries.questions.first()));
     std::os::unix::fs::symlink(&target, folder.path().join(format!(".asking-{key}.lock"))).unwrap();
     let error = run(&queries, &recordings(folder.path()), Some(&wood)).unwrap_err();
     assert!(matches!(&error, QueryError::Recording(_)) && error.to_string().contains("link"), "{error}");

@@ -1,8 +1,9 @@
 use std::collections::BTreeSet;
 use std::path::PathBuf;
 
+use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
-use gprop::query::question::{About, Questions};
+use gprop::query::question::Questions;
 use gprop::query::{Context, Guidance, LabelSet, LabelsError, Prompts};
 
 fn of_file(text: &str) -> Result<MaterialLibrary, LabelsError> {
@@ -29,7 +30,7 @@ fn an_evaluations_labels_leave_what_means_one_of_them_and_only_that() {
 fn the_prompt_and_the_reading_know_the_chosen_materials_only() {
     let library = of_file("\u{feff}# two families and a material\nwood\n\nfoam\nstainless steel 304\n").unwrap();
     let questions =
-        Questions::new(&Prompts::builtin(), &library, Guidance::OneQuestion, Context::GlobalLocal, About::Parts)
+        Questions::new(&Prompts::builtin(), &library, Guidance::OneQuestion, Context::GlobalLocal, AskAbout::Parts)
             .unwrap();
     let prompt = &questions.first().prompt;
     let metals: Vec<_> = library.of_family("metal").map(|material| material.name.as_str()).collect();

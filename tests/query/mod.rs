@@ -48,13 +48,13 @@ mod waits;
 use std::path::Path;
 use std::sync::Mutex;
 
+use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
-use gprop::query::ask::asker::{Ask, AskError, Asker, Reply, ReplyContent};
+use gprop::query::ask::asker::{AskError, Asker, Reply, ReplyContent, Request};
 use gprop::query::ask::budget::{Account, Budget};
 use gprop::query::client::{ApiKey, Client, ClientError};
-use gprop::query::question::About;
 use gprop::query::recorded::{Answerer, Recordings, Usage};
-use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewInput};
+use gprop::query::{Options, Prompts, Queries, QueryError, Run, ViewSubjects};
 use gprop::scene::{ForegroundSource, Photo};
 use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
 use gprop::words::progress::Progress;
@@ -117,19 +117,19 @@ fn two_segments(name: &'static str, tint: u8, border: u32) -> View {
 }
 
 fn prepare<'a>(views: &[View], prompts: &'a Prompts, options: &'a Options) -> Queries<'a> {
-    prepare_about(About::Segments, views, prompts, options)
+    prepare_about(AskAbout::Segments, views, prompts, options)
 }
 
-fn prepare_about<'a>(about: About, views: &[View], prompts: &'a Prompts, options: &'a Options) -> Queries<'a> {
+fn prepare_about<'a>(about: AskAbout, views: &[View], prompts: &'a Prompts, options: &'a Options) -> Queries<'a> {
     let ids: Vec<Vec<u16>> =
         views.iter().map(|view| view.segments.segments.iter().map(|segment| segment.id).collect()).collect();
-    let inputs = views.iter().zip(&ids).map(|(view, ids)| ViewInput {
+    let inputs = views.iter().zip(&ids).map(|(view, ids)| ViewSubjects {
         name: view.name,
         photo: &view.photo,
         map: &view.segments.map,
         ids,
     });
-    let inputs: Vec<ViewInput> = inputs.collect();
+    let inputs: Vec<ViewSubjects> = inputs.collect();
     Queries::prepare(&inputs, MaterialLibrary::builtin(), prompts, options, about).expect("made-up views are sound")
 }
 
@@ -194,7 +194,7 @@ struct Scripted<F> {
     asked: Mutex<Vec<(String, Option<String>)>>,
 }
 
-impl<F: Fn(&Ask) -> Result<ReplyContent, AskError> + Sync> Scripted<F> {
+impl<F: Fn(&Request) -> Result<ReplyContent, AskError> + Sync> Scripted<F> {
     fn new(say: F) -> Self {
         let answerer = Answerer { model: "scripted".into(), parameters: json!({ "temperature": 0.0 }) };
         Self { answerer, say, asked: Mutex::default() }
@@ -205,7 +205,7 @@ impl<F: Fn(&Ask) -> Result<ReplyContent, AskError> + Sync> Scripted<F> {
     }
 }
 
-impl<F: Fn(&Ask) -> Result<ReplyContent, AskError> + Sync> Asker for Scripted<F> {
+impl<F: Fn(&Request) -> Result<ReplyContent, AskError> + Sync> Asker for Scripted<F> {
     fn answerer(&self) -> &Answerer {
         &self.answerer
     }
@@ -214,12 +214,12 @@ impl<F: Fn(&Ask) -> Result<ReplyContent, AskError> + Sync> Asker for Scripted<F>
         3
     }
 
-    fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError> {
+    fn ask(&self, request: Request, account: &Account) -> Result<Reply, AskError> {
         let entry = account.open()?;
-        let correction = ask.correction.map(|correction| correction.prompt.to_owned());
-        self.asked.lock().unwrap().push((ask.question.prompt.clone(), correction));
+        let correction = request.correction.map(|correction| correction.prompt.to_owned());
+        self.asked.lock().unwrap().push((request.question.prompt.clone(), correction));
         let usage = Some(Usage { input_tokens: 1000, output_tokens: 100 });
-        let content = (self.say)(&ask);
+        let content = (self.say)(&request);
         match &content {
             Ok(_) => entry.answered(usage),
             Err(_) => entry.not_billed(),

@@ -61,7 +61,7 @@ fn a_run_that_would_have_to_ask_says_what_forbids_it() {
     let place = folder.path().join("recorded");
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let error = super::run(&queries, &recordings(&place), Some(&client)).unwrap_err();
-    assert!(matches!(&error, QueryError::NotReady { segments: 2, .. }), "{error}");
+    assert!(matches!(&error, QueryError::NotReady { questions: 2, .. }), "{error}");
     assert!(error.to_string().contains("--offline"), "{error}");
     assert!(!place.exists(), "nothing was tried");
     assert_untouched(&listener);

@@ -122,7 +122,7 @@ fn llmock_finds_the_client_well_behaved_over_five_hundred_queries_with_faults() 
     let client = connect(&options, None).unwrap().unwrap();
     let queries = prepare(&[grid(500)], &prompts, &options);
     let outcome = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
-    assert_eq!((outcome.answers.segments.len(), outcome.answers.failed().count()), (500, 0));
+    assert_eq!((outcome.answers.all.len(), outcome.answers.failed().count()), (500, 0));
     assert_eq!(recordings(folder.path()).len(), 500);
 
     let report = llmock(name, &["report", "--strict", "--json", "--url", &peer.url("")]).unwrap().output().unwrap();
@@ -172,7 +172,7 @@ fn aimock_answers_through_rate_limits_cut_connections_and_broken_json() {
     let recorded = folder.path().join("recorded");
     let queries = prepare(&[grid(100)], &prompts, &options);
     let outcome = run(&queries, &recordings(&recorded), Some(&client)).unwrap();
-    assert_eq!((outcome.answers.segments.len(), outcome.answers.failed().count()), (100, 0));
+    assert_eq!((outcome.answers.all.len(), outcome.answers.failed().count()), (100, 0));
     assert_eq!(recordings(&recorded).len(), 100);
     let journal = get(&peer.url("/__aimock/journal?path=/v1/chat/completions"));
     let requests = journal.as_array().unwrap();

@@ -40,7 +40,7 @@ fn asked(body: impl Into<String>) -> (Outcome, usize) {
     let client = connect(&options, None).unwrap().unwrap();
     let queries = prepare(&[one_segment()], &prompts, &options);
     let mut run = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
-    (run.answers.segments.remove(0).outcome, server.requests().len())
+    (run.answers.all.remove(0).outcome, server.requests().len())
 }
 
 #[test]

@@ -1,7 +1,8 @@
 use std::path::Path;
 
+use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
-use gprop::query::question::{About, Questions};
+use gprop::query::question::Questions;
 use gprop::query::{Context, Guidance, PromptError, Prompts};
 use serde_json::Value;
 
@@ -9,7 +10,7 @@ use serde_json::Value;
 fn the_single_prompt_lists_every_material_of_the_library() {
     let library = MaterialLibrary::builtin();
     let questions =
-        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, About::Parts)
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, AskAbout::Parts)
             .unwrap();
     let prompt = &questions.first().prompt;
     for family in library.families() {
@@ -29,10 +30,10 @@ fn the_single_prompt_lists_every_material_of_the_library() {
 fn family_first_asks_for_the_family_and_then_for_its_materials() {
     let library = MaterialLibrary::builtin();
     let questions =
-        Questions::new(&Prompts::builtin(), library, Guidance::FamilyFirst, Context::GlobalLocal, About::Parts)
+        Questions::new(&Prompts::builtin(), library, Guidance::FamilyFirst, Context::GlobalLocal, AskAbout::Parts)
             .unwrap();
     let single =
-        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, About::Parts)
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, AskAbout::Parts)
             .unwrap();
     let chain = questions.longest_chain();
     assert_eq!(chain.len(), 2);
@@ -77,8 +78,13 @@ fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
     for (schema, is_good) in [("[]", false), ("true", false), ("null", false), ("\"answer\"", false), ("{}", true)] {
         std::fs::write(folder.path().join("answer.schema.json"), schema).unwrap();
         let prompts = Prompts::from_folder(folder.path()).unwrap();
-        match Questions::new(&prompts, MaterialLibrary::builtin(), Guidance::OneQuestion, Context::Local, About::Parts)
-        {
+        match Questions::new(
+            &prompts,
+            MaterialLibrary::builtin(),
+            Guidance::OneQuestion,
+            Context::Local,
+            AskAbout::Parts,
+        ) {
             Ok(questions) => assert!(is_good && *questions.first().schema.value() == serde_json::json!({}), "{schema}"),
             Err(error) => assert!(!is_good && matches!(error, PromptError::Schema { .. }), "{schema}"),
         }
@@ -97,7 +103,7 @@ fn the_question_about_a_segment_is_the_recorded_one() {
         MaterialLibrary::builtin(),
         Guidance::OneQuestion,
         Context::GlobalLocal,
-        About::Segments,
+        AskAbout::Segments,
     )
     .unwrap();
     // As many as `gprop run --preset paper` asks about the fixture.

@@ -15,9 +15,9 @@ fn replay() -> Options {
 
 fn matched(run: &gprop::query::Run) -> Vec<Match> {
     run.answers
-        .segments
+        .all
         .iter()
-        .map(|segment| match &segment.outcome {
+        .map(|answer| match &answer.outcome {
             Outcome::Answered(answer) => answer.matched,
             Outcome::Failed(failure) => panic!("{failure:?}"),
         })
@@ -42,7 +42,7 @@ fn what_was_asked_once_is_replayed_from_disk() {
     assert_eq!(asker.count(), 4, "replay asks nobody");
     assert_eq!(matched(&replayed), [Match::Exact; 4]);
     let order: Vec<_> =
-        replayed.answers.segments.iter().map(|segment| (segment.view.as_str(), segment.segment)).collect();
+        replayed.answers.all.iter().map(|answer| (answer.view.as_str(), answer.subject.number())).collect();
     assert_eq!(order, [("000", 1), ("000", 2), ("001", 1), ("001", 2)]);
     let names: Vec<_> = fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name()).collect();
     assert!(names.iter().all(|name| name.len() == 64 + ".json".len()), "nothing else is left: {names:?}");
@@ -84,7 +84,7 @@ fn masks_that_differ_more_are_missing_each_by_name() {
     let queries = prepare(&[moved, other_photo], &prompts, &replay);
     let error = run(&queries, &recordings(folder.path()), None).unwrap_err();
     let text = error.to_string();
-    let QueryError::Missing { segments: 4, missing } = error else { panic!("{text}") };
+    let QueryError::Missing { questions: 4, missing } = error else { panic!("{text}") };
     assert_eq!(missing.len(), 4);
     assert!(text.contains("view 000, question 1 (the nearest recorded mask has an IoU of 0.75"), "{text}");
     assert!(text.contains("view 001, questions 1, 2 (nothing is recorded for this photo)"), "{text}");
@@ -124,7 +124,7 @@ fn a_named_model_is_served_by_its_own_recordings_only() {
     for (model, material) in [("model-a", a("wood")), ("model-b", a("metal"))] {
         let replay = Options { lmm_model: Some(model.into()), ..replay() };
         let replayed = run(&prepare(&views, &prompts, &replay), &recordings(folder.path()), None).unwrap();
-        let Outcome::Answered(answer) = &replayed.answers.segments[0].outcome else { panic!() };
+        let Outcome::Answered(answer) = &replayed.answers.all[0].outcome else { panic!() };
         assert_eq!(answer.material, material);
     }
     let anybody = replay();
@@ -166,7 +166,7 @@ fn a_new_answer_counts_and_not_a_copy_of_the_old_one() {
     ask(a("metal"));
     let replayed = run(&prepare(&views, &prompts, &replay()), &recordings(folder.path()), None).unwrap();
     let expected = a("metal");
-    for segment in &replayed.answers.segments {
+    for segment in &replayed.answers.all {
         assert!(matches!(&segment.outcome, Outcome::Answered(answer) if answer.material == expected), "{segment:?}");
     }
 }
@@ -217,7 +217,7 @@ fn failures_are_typed_counted_and_never_recorded() {
     let options = small();
     let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     let queries = prepare(&views, &prompts, &options);
-    let pictures: Vec<Vec<u8>> = queries.segments.iter().map(|segment| segment.jpeg.clone()).collect();
+    let pictures: Vec<Vec<u8>> = queries.subjects.iter().map(|segment| segment.jpeg.clone()).collect();
     let asker = Scripted::new(|ask| match pictures.iter().position(|picture| picture == ask.picture) {
         Some(0) => Ok(ReplyContent::Refusal("not this one".into())),
         Some(1) => Err(AskError::Failed("status 500".into())),
@@ -246,7 +246,7 @@ fn an_endpoint_beyond_hope_ends_the_run_and_keeps_what_was_answered() {
     let options = small();
     let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
     let queries = prepare(&views, &prompts, &options);
-    let first = queries.segments[0].jpeg.clone();
+    let first = queries.subjects[0].jpeg.clone();
     let asker = Scripted::new(|ask| {
         if ask.picture == first {
             return text(good_answer(a("wood")));
@@ -328,7 +328,7 @@ fn the_budget_stops_before_and_during_the_run() {
     assert!(!error.contains("nothing was sent"), "{error}");
     assert!(error.contains("spent so far: 1 request") && error.contains("answers so far are recorded"), "{error}");
     assert_eq!(asker.count(), 0);
-    assert_eq!((preview.segments, preview.recorded, preview.cost.requests), (4, 0, 4));
+    assert_eq!((preview.questions, preview.recorded, preview.cost.requests), (4, 0, 4));
 
     // Enough for answers of the usual length, too little if all of them had the maximum length.
     let (_, result) = with_budget(preview.cost.usd.unwrap() * 1.01, false);

@@ -14,7 +14,7 @@ fn assert_answered(server: &Server, prompts: &Prompts, requests: usize) -> gprop
     let queries = prepare(&[two_segments("000", 80, 80)], prompts, &options);
     let client = connect(&options, None).unwrap().unwrap();
     let run = run(&queries, &recordings(folder.path()), Some(&client)).unwrap();
-    for segment in &run.answers.segments {
+    for segment in &run.answers.all {
         assert!(matches!(&segment.outcome, Outcome::Answered(answer) if answer.material == a("wood")), "{segment:?}");
     }
     assert_eq!(server.requests().len(), requests);

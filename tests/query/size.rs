@@ -6,7 +6,7 @@ use std::process::Output;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use gprop::gaussians::BODY_DEVIATIONS;
+use gprop::gaussians::ELLIPSOID_DEVIATIONS;
 use serde_json::{Value, json};
 
 use super::{a, good_answer};
@@ -16,7 +16,7 @@ use crate::run::gprop;
 
 /// Width of the balls in scene units: their Gaussians lie on a sphere of radius 0.1, and have standard deviations of 0.012. No
 /// scale but the estimate is stated.
-const WIDTH: f64 = 2.0 * (0.1 + 0.012 * BODY_DEVIATIONS);
+const WIDTH: f64 = 2.0 * (0.1 + 0.012 * ELLIPSOID_DEVIATIONS);
 const FEW: &[&str] = &["--frames", "2", "--duration", "0.02", "--grid", "16"];
 /// Stands wherever kilograms or newtons do.
 const MARK: &str = "estimated scale";

@@ -221,7 +221,7 @@ fn a_part_has_one_number_everywhere() {
         let (id, caption) = (&label["id"], &label["caption"]);
         let of_id = |list: &Value| list.as_array().unwrap().iter().find(|part| part["id"] == *id).cloned().unwrap();
         assert!(of_id(&found["parts"])["gaussians"].as_u64() > Some(0));
-        let asked = |answer: &&Value| answer["segment"] == *id && answer["caption"] == *caption;
+        let asked = |answer: &&Value| answer["part"] == *id && answer["caption"] == *caption;
         let answer = answers.iter().find(asked).unwrap_or_else(|| panic!("no answer about {id}, {caption}"));
         assert!(work.join(format!("sheets/{}_{id}.jpg", answer["view"].as_str().unwrap())).exists());
         assert_eq!(of_id(&parts["parts"])["caption"], *caption);

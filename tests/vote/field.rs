@@ -5,7 +5,7 @@ use gprop::camera::Camera;
 use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
 use gprop::pictures::field_colors;
-use gprop::query::{Answer, Answers, Failure, Form, Inside, Outcome, SegmentAnswer};
+use gprop::query::{Answer, Answers, Failure, Form, Inside, Outcome, SubjectAnswer, SubjectId};
 use gprop::render::{RenderOptions, render, render_labels};
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, Range, ShoreHardness, ShoreScale};
@@ -56,7 +56,7 @@ impl Ballot {
 
     fn outcome(&mut self, segment: u16, outcome: Outcome) -> &mut Self {
         let view = self.views.last().unwrap().0.clone();
-        self.answers.segments.push(SegmentAnswer { view, segment, outcome });
+        self.answers.all.push(SubjectAnswer { view, subject: SubjectId::Segment(segment), outcome });
         self
     }
 

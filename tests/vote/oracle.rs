@@ -3,7 +3,7 @@
 
 use gprop::evaluate::segmentation::IouTally;
 use gprop::materials::MaterialLibrary;
-use gprop::query::{Answers, Outcome, SegmentAnswer};
+use gprop::query::{Answers, Outcome, SubjectAnswer, SubjectId};
 use gprop::render::{RenderOptions, render_labelings};
 use gprop::scene::View;
 use gprop::segment::LabelMap;
@@ -22,7 +22,7 @@ pub fn true_answers(measured: &Measured, maps: &[(View, LabelMap)]) -> Answers {
             let segment = row as u16 + 1;
             if map.labels.contains(&segment) {
                 let outcome = Outcome::Answered(answer(name, row));
-                segments.push(SegmentAnswer { view: view.name.clone(), segment, outcome });
+                segments.push(SubjectAnswer { view: view.name.clone(), subject: SubjectId::Segment(segment), outcome });
             }
         }
     }

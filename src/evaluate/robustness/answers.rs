@@ -8,12 +8,12 @@ use image::GrayImage;
 
 use super::{VotingView, merged};
 use crate::consensus::masks::{PartMasks, part_masks};
-use crate::consensus::{self, Asked, Parts, SegmentedView, best_views};
+use crate::consensus::{self, AskAbout, Parts, SegmentedView, best_views};
 use crate::evaluate::parts::NO_PART;
 use crate::gaussians::Gaussians;
 use crate::materials::{Material, MaterialLibrary};
-use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
-use crate::query::{Answer, Answers, Outcome, SegmentAnswer};
+use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, SubjectInView};
+use crate::query::{Answer, Answers, Outcome, SubjectAnswer, SubjectId};
 use crate::segment::{LabelMap, ViewSegments};
 use crate::vote::{self, AnsweredPart, MaterialField, ViewInput, VoteError};
 use crate::words::progress::Progress;
@@ -45,8 +45,8 @@ impl Voters<'_> {
         let segments: Vec<ViewSegments> =
             self.views.iter().map(|view| merged(view.segments, self.merged, random)).collect();
         let field = match asked.ask {
-            Asked::Parts => self.on_parts(&segments, asked.ask_views.get(), vote, &oracle, random),
-            Asked::Segments => self.on_segments(&segments, vote, &oracle, random),
+            AskAbout::Parts => self.on_parts(&segments, asked.ask_views.get(), vote, &oracle, random),
+            AskAbout::Segments => self.on_segments(&segments, vote, &oracle, random),
         }?;
         Ok(oracle.labels(&field))
     }
@@ -66,10 +66,11 @@ impl Voters<'_> {
         let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(self.gaussians, &parts, view)).collect();
         let shows = |id: u16, asked: u16| id > 0 && (id == asked || parts.part_of(id) == asked);
         let subjects = self.subjects(&parts, &masks);
-        let mut answers: BTreeMap<Target, Outcome> = BTreeMap::new();
+        let mut answers: BTreeMap<SubjectInView, Outcome> = BTreeMap::new();
         loop {
             let outcomes = answers.iter().map(|(&target, outcome)| (target, outcome)).collect();
-            let due: Vec<Target> = subjects.iter().flat_map(|subject| subject.due(ask_views, &outcomes)).collect();
+            let due: Vec<SubjectInView> =
+                subjects.iter().flat_map(|subject| subject.due(ask_views, &outcomes)).collect();
             if due.is_empty() {
                 break;
             }
@@ -107,7 +108,7 @@ impl Voters<'_> {
             for segment in of.segments.iter().filter(|segment| of.map.labels.contains(&segment.id)) {
                 let answer = oracle.answer(&view.parts, &of.map, |id| id == segment.id, random);
                 let (view, outcome) = (view.name.to_owned(), Outcome::Answered(answer));
-                answers.segments.push(SegmentAnswer { view, segment: segment.id, outcome });
+                answers.all.push(SubjectAnswer { view, subject: SubjectId::Segment(segment.id), outcome });
             }
         }
         let inputs = self.inputs(segments.iter().map(|of| &of.map));

@@ -15,7 +15,7 @@ use image::GrayImage;
 use serde::Serialize;
 
 use crate::camera::Camera;
-use crate::consensus::{self, Asked};
+use crate::consensus::{self, AskAbout};
 use crate::evaluate::parts::{TrueView, label_ious};
 use crate::scene::Scene;
 use crate::segment::ViewSegments;
@@ -44,7 +44,7 @@ pub struct VotingView<'a> {
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Robustness {
     pub scene: String,
-    pub asked: Asked,
+    pub asked: AskAbout,
     pub voting_views: usize,
     pub few_views: usize,
     pub compared_views: usize,
@@ -128,8 +128,8 @@ pub fn text(scenes: &[Robustness]) -> String {
     let mut text = String::new();
     for Robustness { scene, asked, voting_views, few_views, compared_views, .. } in scenes {
         let asked = match asked {
-            Asked::Parts => "parts",
-            Asked::Segments => "segments",
+            AskAbout::Parts => "parts",
+            AskAbout::Segments => "segments",
         };
         text += &format!(
             "{}: questions about {asked}; {voting_views} views vote ({few_views} in the rows with fewer views), \

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::consensus::masks::{PartMasks, part_masks};
-use crate::consensus::{self, Asked, Part, Parts, SegmentedView};
+use crate::consensus::{self, AskAbout, Part, Parts, SegmentedView};
 use crate::error::Result;
 use crate::files::npz::NpzWriter;
 use crate::scene::View;
@@ -58,7 +58,7 @@ pub(super) const ROW: Row = Row {
 
 fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     remove_parts(open)?;
-    if open.options.consensus.ask == Asked::Segments {
+    if open.options.consensus.ask == AskAbout::Segments {
         return Ok(Done::writing([]));
     }
     let Found { parts, masks, file } = find(open, open.get::<Segmentation>()?.as_ref())?;

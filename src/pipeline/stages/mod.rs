@@ -7,7 +7,6 @@
 //!
 //! Stages do not know the pipeline: [`run`](super::run) calls them, and alone keeps keys and records.
 
-pub mod asked;
 pub mod consensus;
 mod done;
 pub mod grasp;
@@ -18,6 +17,7 @@ pub mod report;
 pub mod scene;
 pub mod segment;
 pub mod simulate;
+pub mod subjects;
 pub mod vote;
 
 use clap::ValueEnum;

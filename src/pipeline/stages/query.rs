@@ -6,11 +6,10 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::consensus::Asked;
 use crate::error::Result;
 use crate::query::{
-    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, SegmentAnswer, SizeAnswer, SizeOutcome,
-    SizeQuery,
+    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, SizeAnswer, SizeOutcome, SizeQuestion,
+    SubjectAnswer, SubjectId,
 };
 use crate::scene::{ScaleChoice, Scene};
 use crate::units::{MetricScale, Range};
@@ -18,8 +17,8 @@ use crate::words::output::{agreeing, counted};
 use crate::words::part_name::part_name;
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
-use super::asked::AskedAbout;
 use super::scene;
+use super::subjects::FoundSubjects;
 use super::{Done, Job, OpenScene, Row, Stage, Stored};
 use crate::pictures::framing;
 use crate::pipeline::hasher::{Hasher, file_digest};
@@ -70,7 +69,7 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
 
 fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let work = &open.work;
-    let about = AskedAbout::of(open)?;
+    let about = FoundSubjects::of(open)?;
     let session = session(open, &about, &open.options.query)?;
     let (answers, file) =
         session.answer_with_size(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer))?;
@@ -78,13 +77,13 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let jsonl = answers.to_jsonl();
     work.write(Artifact::Answers, jsonl.as_bytes())?;
     answers.require_any()?;
-    let sheets = answers.segments.iter().map(|answer| Artifact::Sheet(&answer.view, answer.segment));
+    let sheets = answers.all.iter().map(|answer| Artifact::Sheet(&answer.view, answer.subject.number()));
     let mut outputs: Vec<Artifact> = sheets.chain([Artifact::Answers]).collect();
-    let mut warnings = failures(&answers, open.options.consensus.ask);
+    let mut warnings = failures(&answers);
     if let Some((file, warning)) = &file {
         work.write_json(Artifact::Size, file)?;
         warnings.push(warning.clone());
-        outputs.extend([Artifact::Size, Artifact::Sheet(&file.answer.view, SizeQuery::WHOLE)]);
+        outputs.extend([Artifact::Size, Artifact::Sheet(&file.answer.view, SizeQuestion::WHOLE)]);
     }
     let digest = Hasher::new("answers").with(jsonl.as_bytes()).with_json(&file).hex();
     let done = Done::writing(outputs).warning(warnings).noting(notes(&answers));
@@ -121,8 +120,8 @@ impl Stored for Answers {
         let answers = read_answers(&open.work)?;
         // The names of files are made of the views' names, and the work folder may come from anyone.
         let known: HashSet<&str> = open.views.iter().map(|view| &*view.name).collect();
-        let unknown = answers.segments.iter().find(|answer| !known.contains(&*answer.view));
-        if let Some(SegmentAnswer { view, .. }) = unknown {
+        let unknown = answers.all.iter().find(|answer| !known.contains(&*answer.view));
+        if let Some(SubjectAnswer { view, .. }) = unknown {
             let problem = format!("it has an answer about {view:?}, which is not among the chosen views");
             return Err(open.work.damaged(Artifact::Answers, problem).into());
         }
@@ -131,7 +130,7 @@ impl Stored for Answers {
 }
 
 /// The queries of the chosen views, under `options`, which need not be the run's; the parts must have been found.
-pub fn session<'a>(open: &'a OpenScene, about: &'a AskedAbout, options: &'a Options) -> Result<QuerySession<'a>> {
+pub fn session<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a Options) -> Result<QuerySession<'a>> {
     let views =
         open.views.iter().enumerate().map(|(number, view)| {
             Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: about.maps(number) })
@@ -149,7 +148,7 @@ pub fn session<'a>(open: &'a OpenScene, about: &'a AskedAbout, options: &'a Opti
 
 /// Estimates what a query would send, and its cost.
 pub fn preview(open: &OpenScene) -> Result<Preview> {
-    let about = AskedAbout::of(open)?;
+    let about = FoundSubjects::of(open)?;
     let session = session(open, &about, &open.options.query)?;
     Ok(session.preview(&session.queries()?))
 }
@@ -198,7 +197,7 @@ fn read_answers(work: &WorkDir) -> Result<Answers> {
 /// The answers as any later run finds them: an answer that the model just gave counts as recorded for exactly this query.
 /// So a run that was killed while asking ends in the same bytes as one that was not, and a rerun of either has nothing to redo.
 fn settled(mut answers: Answers) -> Answers {
-    for segment in &mut answers.segments {
+    for segment in &mut answers.all {
         if let Outcome::Answered(answer) = &mut segment.outcome
             && answer.matched == Match::Live
         {
@@ -217,27 +216,25 @@ fn recordings_in(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The questions without an answer.
-fn failures(answers: &Answers, asked: Asked) -> Vec<String> {
-    let noun = match asked {
-        Asked::Parts => "part",
-        Asked::Segments => "segment",
-    };
+fn failures(answers: &Answers) -> Vec<String> {
     // Other views' answers name a part; a segment's number means something else in every view.
     let mut names: BTreeMap<u16, String> = BTreeMap::new();
-    for segment in answers.segments.iter().filter(|_| asked == Asked::Parts) {
-        if let Outcome::Answered(answer) = &segment.outcome {
-            names.entry(segment.segment).or_insert_with(|| part_name(&answer.caption, &answer.material));
+    for answer in &answers.all {
+        if let (SubjectId::Part(id), Outcome::Answered(said)) = (answer.subject, &answer.outcome) {
+            names.entry(id).or_insert_with(|| part_name(&said.caption, &said.material));
         }
     }
-    let name = |number: u16| names.get(&number).map_or_else(String::new, |name| format!(" ({name})"));
-    let failure = |segment: &SegmentAnswer| match &segment.outcome {
+    let name = |subject: SubjectId| match subject {
+        SubjectId::Part(id) => names.get(&id).map_or_else(String::new, |name| format!(" ({name})")),
+        SubjectId::Segment(_) => String::new(),
+    };
+    let failure = |answer: &SubjectAnswer| match &answer.outcome {
         Outcome::Failed(failure) => {
-            let (view, number) = (&segment.view, segment.segment);
-            Some(format!("view {view}, {noun} {number}{}: {failure}", name(number)))
+            Some(format!("view {}, {}{}: {failure}", answer.view, answer.subject, name(answer.subject)))
         }
         Outcome::Answered(_) => None,
     };
-    answers.segments.iter().filter_map(failure).collect()
+    answers.all.iter().filter_map(failure).collect()
 }
 
 /// Each correction or doubt once, with the number of answers that it applies to; and the number of answers that were
@@ -246,17 +243,17 @@ fn notes(answers: &Answers) -> Vec<String> {
     let mut notes = Vec::new();
     let mut overlaps: Vec<f64> = Vec::new();
     let mut flags: BTreeMap<&str, usize> = BTreeMap::new();
-    for segment in &answers.segments {
-        if let Outcome::Answered(answer) = &segment.outcome {
+    for answer in &answers.all {
+        if let Outcome::Answered(answer) = &answer.outcome {
             answer.flags.iter().for_each(|flag| *flags.entry(flag).or_default() += 1);
             if let Match::Mask { iou } = answer.matched {
                 overlaps.push(iou);
             }
         }
     }
-    notes.extend(flags.into_iter().map(|(flag, segments)| format!("{flag} (in {})", counted(segments, "answer"))));
+    notes.extend(flags.into_iter().map(|(flag, answers)| format!("{flag} (in {})", counted(answers, "answer"))));
     if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
-        let (count, all) = (overlaps.len(), answers.segments.len());
+        let (count, all) = (overlaps.len(), answers.all.len());
         notes.push(format!(
             "{count} of {} {} recorded for slightly different masks (IoU {least:.3} or more)",
             counted(all, "answer"),

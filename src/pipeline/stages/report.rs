@@ -10,7 +10,6 @@ use nalgebra::Point3;
 use rayon::prelude::*;
 
 use crate::config::{self, Flag};
-use crate::consensus::Asked;
 use crate::report::{
     self, AnswerCounts, Cloud, Disagreement, InputFile, Motion, Pictures, Remark, Report, Reproduction, SceneSummary,
     SheetPicture, StageTime, ViewPictures,
@@ -20,9 +19,9 @@ use crate::words::readable::hexadecimal;
 use crate::words::shell;
 use crate::workdir::Artifact;
 
-use super::asked::AskedAbout;
 use super::grasp::{self, Grasped};
 use super::scene;
+use super::subjects::FoundSubjects;
 use super::vote::ShowsMost;
 use super::{Done, Job, OpenScene, Row, Stage, StageRecord, never, parts, simulate};
 use crate::pipeline::hasher::file_digest;
@@ -67,13 +66,13 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
 /// The pictures on the page.
 fn pictures(open: &OpenScene, answers: &Answers, field: &MaterialField, simulates: bool) -> Result<Pictures> {
     let work = &open.work;
-    let about = AskedAbout::of(open)?;
+    let about = FoundSubjects::of(open)?;
     let maps = about.settled_maps(open, answers);
     let views = open.views.par_iter().zip(&maps);
     let views = views.map(|(view, map)| ViewPictures::draw(view, map, &open.scene.gaussians, field));
-    let sheets = answers.segments.par_iter().map(|segment| {
-        let sheet = work.read(Artifact::Sheet(&segment.view, segment.segment))?;
-        Ok(SheetPicture::shrink(&segment.view, segment.segment, &sheet)?)
+    let sheets = answers.all.par_iter().map(|answer| {
+        let (view, number) = (answer.view.as_str(), answer.subject.number());
+        Ok(SheetPicture::shrink(view, number, &work.read(Artifact::Sheet(view, number))?)?)
     });
     Ok(Pictures {
         views: views.collect::<Result<_, _>>()?,
@@ -104,10 +103,7 @@ pub(crate) fn report(open: &OpenScene, job: &Job) -> Result<Report> {
         },
         stages: before.clone().map(stage_time).collect(),
         answers: AnswerCounts::of(&answers),
-        disagreements: match open.options.consensus.ask {
-            Asked::Parts => Disagreement::all(&answers),
-            Asked::Segments => Vec::new(),
-        },
+        disagreements: Disagreement::all(&answers),
         parts: parts::metric_parts(open)?.map(Arc::unwrap_or_clone),
         labels: field.labels.clone(),
         gaussians_per_label: gaussians_per_label(&field),

@@ -6,9 +6,9 @@ use crate::query::question::Question;
 use crate::query::recorded::{Answerer, Usage};
 use crate::setup::Offline;
 
-/// A question with its picture.
+/// A question on its way to the model, with its picture.
 #[derive(Debug, Clone, Copy)]
-pub struct Ask<'a> {
+pub struct Request<'a> {
     pub question: &'a Question,
     /// JPEG.
     pub picture: &'a [u8],
@@ -114,5 +114,5 @@ pub trait Asker: Sync {
     }
 
     /// Waits for the answer. Every request has its own entry in the account.
-    fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError>;
+    fn ask(&self, request: Request, account: &Account) -> Result<Reply, AskError>;
 }

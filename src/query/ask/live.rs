@@ -3,17 +3,17 @@
 
 use std::path::PathBuf;
 
-use super::asker::{Ask, AskError, Asker, Correction, Reply, ReplyContent};
+use super::asker::{AskError, Asker, Correction, Reply, ReplyContent, Request};
 use super::budget::{Budget, NotSent};
 use super::cost::Cost;
 use super::queries::Queries;
-use super::size::{Size, SizeQuery};
+use super::size::{Size, SizeQuestion};
 use crate::query::answer::{Problem, Unknown};
 use crate::query::error::{InVain, QueryError};
 use crate::query::options::AnswerSource;
-use crate::query::question::segment_query::SegmentQuery;
+use crate::query::question::shown_subject::ShownSubject;
 use crate::query::question::{Question, Reading};
-use crate::query::recorded::{Asked, QuestionLock, Recording, RecordingError, Recordings, Usage, key};
+use crate::query::recorded::{QuestionId, QuestionLock, Recording, RecordingError, Recordings, Usage, key};
 use crate::query::{Failure, Match, Outcome};
 use crate::words::progress::{self, Progress};
 
@@ -26,7 +26,7 @@ pub struct Live<'a> {
     pub progress: Progress<'a>,
 }
 
-/// Why asking stops for all segments.
+/// Why asking stops for all questions.
 #[derive(Debug)]
 pub enum Stop {
     /// The next request might exceed the budget.
@@ -70,11 +70,11 @@ struct ModelReply {
 }
 
 impl<'a> Live<'a> {
-    /// Asks about a segment, starting with `question`; `None` if the budget was closed because of another segment in
+    /// Asks about a subject, starting with `question`; `None` if the budget was closed because of another question in
     /// the meantime.
     pub fn answer(
         &self,
-        segment: &SegmentQuery,
+        subject: &ShownSubject,
         mut question: &'a Question,
         so_far: Match,
     ) -> Result<Option<Outcome>, Stop> {
@@ -83,9 +83,9 @@ impl<'a> Live<'a> {
             let read = |response: &str, unknown| {
                 self.queries.questions.read(question, response, self.queries.library, unknown)
             };
-            let reading = match self.answer_one(segment, question, &read) {
+            let reading = match self.answer_one(subject, question, &read) {
                 Ok(reading) => reading,
-                Err(Halt::Segment(failure)) => return Ok(Some(Outcome::Failed(failure))),
+                Err(Halt::Question(failure)) => return Ok(Some(Outcome::Failed(failure))),
                 Err(Halt::All(stop)) => return Err(stop),
                 Err(Halt::Closed) => return Ok(None),
             };
@@ -103,10 +103,10 @@ impl<'a> Live<'a> {
     }
 
     /// Asks about the size of the object.
-    pub fn size(&self, query: &SizeQuery) -> Result<Result<Size, Failure>, Stop> {
+    pub fn size(&self, query: &SizeQuestion) -> Result<Result<Size, Failure>, Stop> {
         match self.answer_one(&query.shown, &query.question, &|response: &str, _| query.read(response)) {
             Ok(size) => Ok(Ok(size)),
-            Err(Halt::Segment(failure)) => Ok(Err(failure)),
+            Err(Halt::Question(failure)) => Ok(Err(failure)),
             Err(Halt::All(stop)) => Err(stop),
             Err(Halt::Closed) => Err(Stop::Budget),
         }
@@ -133,30 +133,30 @@ impl<'a> Live<'a> {
 
     /// The recorded answer to one question: recorded by another gprop process while this one waited for it, or asked
     /// live. `read` reads a response to it.
-    fn answer_one<R>(&self, segment: &SegmentQuery, question: &Question, read: &Read<R>) -> Result<R, Halt> {
-        let asked = segment.asked(question);
-        let _lock = self.lock(segment, &asked)?;
+    fn answer_one<R>(&self, subject: &ShownSubject, question: &Question, read: &Read<R>) -> Result<R, Halt> {
+        let asked = subject.asked(question);
+        let _lock = self.lock(subject, &asked)?;
         if let Some(reading) = self.answered_meanwhile(&asked, read)? {
             return Ok(reading);
         }
-        let checked = self.ask_and_correct(segment, question, read).map_err(|halt| self.unless_in_vain(halt, None))?;
+        let checked = self.ask_and_correct(subject, question, read).map_err(|halt| self.unless_in_vain(halt, None))?;
         let ModelReply { text, served_model, usage } = checked.reply;
         let reading =
-            checked.reading.map_err(|problem| self.unless_in_vain(Halt::Segment(problem.failure), Some(&text)))?;
+            checked.reading.map_err(|problem| self.unless_in_vain(Halt::Question(problem.failure), Some(&text)))?;
         self.budget.note_usable_reply();
         self.record(&Recording::new(self.asker.answerer(), asked, text, served_model, usage))?;
         Ok(reading)
     }
 
     /// Waits until no other gprop process is asking this question.
-    fn lock(&self, segment: &SegmentQuery, asked: &Asked) -> Result<QuestionLock, Halt> {
+    fn lock(&self, subject: &ShownSubject, asked: &QuestionId) -> Result<QuestionLock, Halt> {
         let key = key(self.asker.answerer(), asked);
         let mut is_told = false;
         while !self.budget.is_closed() {
             match self.recordings.lock_question(&key) {
                 Ok(Some(lock)) => return Ok(lock),
                 Ok(None) if !is_told => {
-                    let view = &segment.view;
+                    let view = &subject.view;
                     self.progress.line(&format!(
                         "view {view}: waiting for another gprop process that is asking the same question"
                     ));
@@ -169,7 +169,7 @@ impl<'a> Live<'a> {
         Err(Halt::Closed)
     }
 
-    fn answered_meanwhile<R>(&self, asked: &Asked, read: &Read<R>) -> Result<Option<R>, Halt> {
+    fn answered_meanwhile<R>(&self, asked: &QuestionId, read: &Read<R>) -> Result<Option<R>, Halt> {
         if self.queries.options.answers == AnswerSource::Live {
             return Ok(None);
         }
@@ -201,7 +201,7 @@ impl<'a> Live<'a> {
     /// Stops all asking if a failure, with this reply, is one of many in a row.
     fn unless_in_vain(&self, halt: Halt, reply: Option<&str>) -> Halt {
         match halt {
-            Halt::Segment(last) if self.budget.in_vain() >= MOST_IN_VAIN => {
+            Halt::Question(last) if self.budget.in_vain() >= MOST_IN_VAIN => {
                 Halt::All(Stop::InVain { last, reply: reply.map(str::to_owned) })
             }
             halt => halt,
@@ -211,11 +211,11 @@ impl<'a> Live<'a> {
     /// Asks one question; a response that cannot be used is sent back once with the reason.
     fn ask_and_correct<R>(
         &self,
-        segment: &SegmentQuery,
+        subject: &ShownSubject,
         question: &Question,
         read: &Read<R>,
     ) -> Result<CheckedReply<R>, Halt> {
-        let first = self.ask(segment, question, None)?;
+        let first = self.ask(subject, question, None)?;
         let problem = match read(&first.text, Unknown::Refuse) {
             Ok(reading) => return Ok(CheckedReply { reading: Ok(reading), reply: first }),
             Err(problem) => problem,
@@ -227,7 +227,7 @@ impl<'a> Live<'a> {
             return Ok(CheckedReply { reading: of_first, reply: first });
         }
         let correction = Correction { response: &first.text, prompt: &prompt };
-        let second = match self.ask(segment, question, Some(correction)) {
+        let second = match self.ask(subject, question, Some(correction)) {
             Err(_) if of_first.is_ok() => return Ok(CheckedReply { reading: of_first, reply: first }),
             second => second?,
         };
@@ -240,18 +240,18 @@ impl<'a> Live<'a> {
 
     fn ask(
         &self,
-        segment: &SegmentQuery,
+        subject: &ShownSubject,
         question: &Question,
         correction: Option<Correction>,
     ) -> Result<ModelReply, Halt> {
         let (response, prompt) = correction.map_or(("", ""), |correction| (correction.response, correction.prompt));
         let texts = [question.prompt.as_str(), response, prompt];
         let tokens = self.queries.options.lmm_max_tokens;
-        let cost = Cost::of_request(&texts, segment.sheet_size, tokens, self.budget.price());
-        let ask = Ask { question, picture: &segment.jpeg, correction };
-        let reply = self.asker.ask(ask, &self.budget.account(cost));
+        let cost = Cost::of_request(&texts, subject.sheet_size, tokens, self.budget.price());
+        let request = Request { question, picture: &subject.jpeg, correction };
+        let reply = self.asker.ask(request, &self.budget.account(cost));
         let Reply { content, usage, served_model } = reply.map_err(|error| match error {
-            AskError::Failed(message) => Halt::Segment(Failure::Endpoint { message }),
+            AskError::Failed(message) => Halt::Question(Failure::Endpoint { message }),
             AskError::Fatal(message) => Halt::All(Stop::Endpoint(message)),
             AskError::Offline(offline) => Halt::All(Stop::Endpoint(offline.to_string())),
             AskError::NotSent(NotSent::Budget) => Halt::All(Stop::Budget),
@@ -260,15 +260,15 @@ impl<'a> Live<'a> {
         })?;
         match content {
             ReplyContent::Text(text) => Ok(ModelReply { text, served_model, usage }),
-            ReplyContent::Refusal(message) => Err(Halt::Segment(Failure::Refused { message })),
-            ReplyContent::Empty(message) => Err(Halt::Segment(Failure::Invalid { message })),
+            ReplyContent::Refusal(message) => Err(Halt::Question(Failure::Refused { message })),
+            ReplyContent::Empty(message) => Err(Halt::Question(Failure::Invalid { message })),
         }
     }
 }
 
 /// Why a question has no reply.
 enum Halt {
-    Segment(Failure),
+    Question(Failure),
     All(Stop),
     /// The budget permits no further request.
     Closed,

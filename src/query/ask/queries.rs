@@ -1,25 +1,26 @@
-//! Every segment of every view with its sheet and its questions: what can be replayed, asked or exported.
+//! Every subject of every view with its sheet and its questions: what can be replayed, asked or exported.
 
 use rayon::prelude::*;
 
 use super::cost::{Cost, Price};
-use super::size::SizeQuery;
+use super::size::SizeQuestion;
+use crate::consensus::AskAbout;
 use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
 use crate::query::error::QueryError;
 use crate::query::options::{Context, Options};
 use crate::query::question::prompt::Prompts;
-use crate::query::question::segment_query::SegmentQuery;
 use crate::query::question::sheet::Drawer;
-use crate::query::question::{About, Question, Questions};
+use crate::query::question::shown_subject::ShownSubject;
+use crate::query::question::{Question, Questions};
 use crate::query::recorded::sha256::Sha256Hex;
-use crate::query::recorded::{Asked, Mask};
+use crate::query::recorded::{Mask, QuestionId};
 use crate::scene::Photo;
 use crate::segment::LabelMap;
 
-/// One view with its segments or parts.
+/// The subjects that one view shows.
 #[derive(Debug, Clone, Copy)]
-pub struct ViewInput<'a> {
+pub struct ViewSubjects<'a> {
     /// Unique among the views.
     pub name: &'a str,
     pub photo: &'a Photo,
@@ -32,10 +33,11 @@ pub struct ViewInput<'a> {
 /// Everything that may be asked about a scene.
 #[derive(Debug)]
 pub struct Queries<'a> {
-    /// By view in the order of the views, then by segment id.
-    pub segments: Vec<SegmentQuery>,
+    pub about: AskAbout,
+    /// By view in the order of the views, then by id.
+    pub subjects: Vec<ShownSubject>,
     /// The question about the size of the object, if it is to be asked.
-    pub size: Option<&'a SizeQuery>,
+    pub size: Option<&'a SizeQuestion>,
     pub questions: Questions,
     pub library: &'a MaterialLibrary,
     pub prompts: &'a Prompts,
@@ -43,21 +45,21 @@ pub struct Queries<'a> {
 }
 
 impl<'a> Queries<'a> {
-    /// Draws the sheet of every segment and writes the questions.
+    /// Draws the sheet of every subject and writes the questions.
     pub fn prepare(
-        views: &[ViewInput],
+        views: &[ViewSubjects],
         library: &'a MaterialLibrary,
         prompts: &'a Prompts,
         options: &'a Options,
-        about: About,
+        about: AskAbout,
     ) -> Result<Self, QueryError> {
         options.check()?;
         let questions = Questions::new(prompts, library, options.guidance, options.context, about)?;
-        let mut segments = Vec::new();
+        let mut subjects = Vec::new();
         for view in views {
-            segments.extend(segments_of(view, options.context, options.sheet_size)?);
+            subjects.extend(subjects_of(view, options.context, options.sheet_size)?);
         }
-        Ok(Self { segments, size: None, questions, library, prompts, options })
+        Ok(Self { about, subjects, size: None, questions, library, prompts, options })
     }
 
     /// Checks a response to what was asked.
@@ -67,7 +69,7 @@ impl<'a> Queries<'a> {
     ///
     /// # Returns
     /// `None` if it is none of these questions.
-    pub fn check(&self, asked: &Asked, response: &str, unknown: Unknown) -> Option<Result<(), Problem>> {
+    pub fn check(&self, asked: &QuestionId, response: &str, unknown: Unknown) -> Option<Result<(), Problem>> {
         if let Some(size) = self.size.filter(|size| size.question.is(asked)) {
             return Some(size.read(response).map(drop));
         }
@@ -77,7 +79,7 @@ impl<'a> Queries<'a> {
 
     /// The estimated cost of asking about the size, as in [`Self::cost`]; zero if it is not to be asked.
     pub fn cost_of_size(&self, price: Option<&Price>) -> Cost {
-        let cost = |size: &SizeQuery| {
+        let cost = |size: &SizeQuestion| {
             Cost::of_request(&[&size.question.prompt], size.shown.sheet_size, self.options.lmm_max_tokens, price)
         };
         self.size.map_or_else(Cost::default, cost)
@@ -86,17 +88,17 @@ impl<'a> Queries<'a> {
     /// The estimated cost of asking these questions, each answered at the first try.
     pub fn cost<'p>(
         &self,
-        questions: impl Iterator<Item = (&'p SegmentQuery, &'p Question)>,
+        questions: impl Iterator<Item = (&'p ShownSubject, &'p Question)>,
         price: Option<&Price>,
     ) -> Cost {
-        questions.fold(Cost::default(), |cost, (segment, question)| {
+        questions.fold(Cost::default(), |cost, (subject, question)| {
             let tokens = self.options.lmm_max_tokens;
-            cost.plus(Cost::of_request(&[&question.prompt], segment.sheet_size, tokens, price))
+            cost.plus(Cost::of_request(&[&question.prompt], subject.sheet_size, tokens, price))
         })
     }
 }
 
-fn segments_of(view: &ViewInput, context: Context, sheet_size: u32) -> Result<Vec<SegmentQuery>, QueryError> {
+fn subjects_of(view: &ViewSubjects, context: Context, sheet_size: u32) -> Result<Vec<ShownSubject>, QueryError> {
     let (map, photo) = (view.map, view.photo);
     if (map.width, map.height) != photo.rgb.dimensions() {
         return Err(QueryError::SizeMismatch {
@@ -110,14 +112,14 @@ fn segments_of(view: &ViewInput, context: Context, sheet_size: u32) -> Result<Ve
     let mut ids = view.ids.to_vec();
     ids.sort_unstable();
     ids.into_par_iter()
-        .map(|segment| {
+        .map(|id| {
             let sheet =
-                drawer.sheet(segment).ok_or_else(|| QueryError::EmptySegment { view: view.name.into(), segment })?;
-            Ok(SegmentQuery {
+                drawer.sheet(id).ok_or_else(|| QueryError::EmptySegment { view: view.name.into(), segment: id })?;
+            Ok(ShownSubject {
                 view: view.name.into(),
-                segment,
+                id,
                 photo_sha256: photo_sha256.clone(),
-                mask: Mask::of_segment(map, segment),
+                mask: Mask::of_segment(map, id),
                 sheet_sha256: sheet.pixels_sha256(),
                 sheet_size: sheet.picture.dimensions(),
                 jpeg: sheet.jpeg(),

@@ -1,15 +1,15 @@
 //! Answers from recordings.
 
 use super::queries::Queries;
-use super::size::{Size, SizeQuery};
+use super::size::{Size, SizeQuestion};
 use crate::query::answer::{Problem, Unknown};
 use crate::query::options::{AnswerSource, Options};
-use crate::query::question::segment_query::SegmentQuery;
+use crate::query::question::shown_subject::ShownSubject;
 use crate::query::question::{Question, Reading};
 use crate::query::recorded::{Answerer, Miss, Recordings, Who};
 use crate::query::{Failure, Match, Outcome};
 
-/// The result of replaying a segment.
+/// The result of replaying the questions about a subject.
 pub enum Replayed<'a> {
     Answered(Box<Outcome>),
     /// The question that has no recording, and how the ones before it were found.
@@ -35,13 +35,13 @@ pub fn who<'a>(answerer: Option<&'a Answerer>, options: &'a Options) -> Who<'a> 
     }
 }
 
-/// Follows a segment's questions through the recordings as far as possible.
-pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Recordings, who: Who) -> Replayed<'a> {
+/// Follows a subject's questions through the recordings as far as possible.
+pub fn replay<'a>(queries: &'a Queries, subject: &ShownSubject, recordings: &Recordings, who: Who) -> Replayed<'a> {
     let mut question = queries.questions.first();
     let mut so_far = Match::Exact;
     loop {
         let read = |response: &str| queries.questions.read(question, response, queries.library, Unknown::TakeNearest);
-        let found = recordings.find(&segment.asked(question), who, &|response| read(response).is_ok());
+        let found = recordings.find(&subject.asked(question), who, &|response| read(response).is_ok());
         let (recording, matched) = match found {
             Ok(found) => found,
             Err(miss) => return Replayed::Missing { question, miss, so_far },
@@ -59,7 +59,7 @@ pub fn replay<'a>(queries: &'a Queries, segment: &SegmentQuery, recordings: &Rec
 }
 
 /// The recorded answer about the size of the object, or why there is none.
-pub fn replay_size(query: &SizeQuery, recordings: &Recordings, who: Who) -> Result<Size, Miss> {
+pub fn replay_size(query: &SizeQuestion, recordings: &Recordings, who: Who) -> Result<Size, Miss> {
     let is_readable = |response: &str| query.read(response).is_ok();
     let (recording, _) = recordings.find(&query.shown.asked(&query.question), who, &is_readable)?;
     query.read(&recording.response).map_err(|_| Miss::Unusable)

@@ -5,16 +5,16 @@ use std::collections::BTreeMap;
 
 use crate::query::{Answer, Outcome};
 
-/// What a question asks about: one segment of one view, or one part or piece as one view shows it.
+/// The subject of one question: one segment of one view, or one part or piece as one view shows it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Target {
+pub struct SubjectInView {
     /// Index of the view.
     pub view: usize,
     /// Its id in the view's label map.
     pub id: u16,
 }
 
-/// Something that is made of one material, as far as is known before the model is asked.
+/// A part, piece or segment: made of one material, as far as is known before the model is asked.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Subject {
     pub id: u16,
@@ -32,7 +32,7 @@ const MOST_UNANSWERED: usize = 3;
 const VIEWS_OF_PIECE: usize = 1;
 
 /// The outcomes so far.
-pub type Outcomes<'a> = BTreeMap<Target, &'a Outcome>;
+pub type Outcomes<'a> = BTreeMap<SubjectInView, &'a Outcome>;
 
 /// A part of the object, or a piece of one.
 #[derive(Debug, Clone, PartialEq)]
@@ -70,7 +70,7 @@ impl Subject {
 
     /// The questions to ask next, given the outcomes so far: none if the answers suffice, or if all views are used up.
     /// The first questions go to the first `views` views.
-    pub fn due(&self, views: usize, outcomes: &Outcomes) -> Vec<Target> {
+    pub fn due(&self, views: usize, outcomes: &Outcomes) -> Vec<SubjectInView> {
         let mut own = self.due_about_itself(views, outcomes);
         if own.is_empty() && self.is_split(outcomes) {
             own = self.pieces.iter().flat_map(|piece| piece.due(VIEWS_OF_PIECE, outcomes)).collect();
@@ -78,14 +78,14 @@ impl Subject {
         own
     }
 
-    fn due_about_itself(&self, views: usize, outcomes: &Outcomes) -> Vec<Target> {
+    fn due_about_itself(&self, views: usize, outcomes: &Outcomes) -> Vec<SubjectInView> {
         for count in views.min(self.views.len())..=self.views.len() {
-            let targets = || self.targets().take(count);
-            let open: Vec<Target> = targets().filter(|target| !outcomes.contains_key(target)).collect();
+            let first = || self.in_views().take(count);
+            let open: Vec<SubjectInView> = first().filter(|subject| !outcomes.contains_key(subject)).collect();
             if !open.is_empty() {
                 return open;
             }
-            let answers = answers(targets(), outcomes);
+            let answers = answers(first(), outcomes);
             if agree(&answers) || (answers.is_empty() && count >= MOST_UNANSWERED) {
                 break;
             }
@@ -95,27 +95,27 @@ impl Subject {
 
     /// True if most of its answers say that it consists of several materials, and it has pieces to ask about instead.
     pub fn is_split(&self, outcomes: &Outcomes) -> bool {
-        let answers = answers(self.targets(), outcomes);
+        let answers = answers(self.in_views(), outcomes);
         let several = answers.iter().filter(|answer| answer.several_materials).count();
         !self.pieces.is_empty() && 2 * several > answers.len()
     }
 
     /// All questions that it may lead to.
-    pub fn all(&self) -> Vec<Target> {
-        self.targets().chain(self.pieces.iter().flat_map(Self::all)).collect()
+    pub fn all(&self) -> Vec<SubjectInView> {
+        self.in_views().chain(self.pieces.iter().flat_map(Self::all)).collect()
     }
 
-    fn targets(&self) -> impl Iterator<Item = Target> {
-        self.views.iter().map(|&view| Target { view, id: self.id })
+    fn in_views(&self) -> impl Iterator<Item = SubjectInView> {
+        self.views.iter().map(|&view| SubjectInView { view, id: self.id })
     }
 }
 
-fn answers<'a>(targets: impl Iterator<Item = Target>, outcomes: &Outcomes<'a>) -> Vec<&'a Answer> {
-    let answered = |target| match outcomes.get(&target) {
+fn answers<'a>(subjects: impl Iterator<Item = SubjectInView>, outcomes: &Outcomes<'a>) -> Vec<&'a Answer> {
+    let answered = |subject| match outcomes.get(&subject) {
         Some(Outcome::Answered(answer)) => Some(answer),
         _ => None,
     };
-    targets.filter_map(answered).collect()
+    subjects.filter_map(answered).collect()
 }
 
 /// True if more than half name one material, or all name materials of one family.
@@ -149,8 +149,9 @@ mod tests {
     /// The views in which to ask about `subject` next, once its questions, in the order in which they are asked, have
     /// these outcomes.
     fn due(subject: &Subject, given: &[Outcome]) -> Vec<usize> {
-        let outcomes: Outcomes = subject.views.iter().map(|&view| Target { view, id: subject.id }).zip(given).collect();
-        subject.due(3, &outcomes).iter().map(|target| target.view).collect()
+        let outcomes: Outcomes =
+            subject.views.iter().map(|&view| SubjectInView { view, id: subject.id }).zip(given).collect();
+        subject.due(3, &outcomes).iter().map(|subject| subject.view).collect()
     }
 
     #[test]
@@ -171,7 +172,7 @@ mod tests {
         assert!(due(&part, &[failed(), failed(), failed()]).is_empty(), "no answer is no disagreement");
         let piece = |given: usize| {
             let outcomes: Vec<Outcome> = std::iter::repeat_with(failed).take(given).collect();
-            let of_piece = part.views.iter().map(|&view| Target { view, id: part.id }).zip(&outcomes);
+            let of_piece = part.views.iter().map(|&view| SubjectInView { view, id: part.id }).zip(&outcomes);
             part.due(VIEWS_OF_PIECE, &of_piece.collect()).len()
         };
         assert_eq!([piece(0), piece(1), piece(2), piece(3)], [1, 1, 1, 0], "three views at most without an answer");
@@ -187,11 +188,11 @@ mod tests {
         assert_eq!(*whole, Subject { pieces: vec![part(5, &[1]), part(6, &[0, 1])], ..part(2, &[0, 1]) });
         assert_eq!(subjects[1..], [part(3, &[2])]);
         let outcome = [answer("wood", "oak", true), answer("metal", "steel", false), answer("wood", "oak", true)];
-        let mut outcomes: Outcomes = [(Target { view: 0, id: 2 }, &outcome[0])].into();
-        assert_eq!(whole.due(1, &outcomes), [Target { view: 1, id: 5 }, Target { view: 0, id: 6 }]);
+        let mut outcomes: Outcomes = [(SubjectInView { view: 0, id: 2 }, &outcome[0])].into();
+        assert_eq!(whole.due(1, &outcomes), [SubjectInView { view: 1, id: 5 }, SubjectInView { view: 0, id: 6 }]);
         assert!(whole.is_split(&outcomes));
         assert!(settled(&subjects, &outcomes).is_empty(), "pieces stand for themselves");
-        outcomes.insert(Target { view: 1, id: 2 }, &outcome[1]);
+        outcomes.insert(SubjectInView { view: 1, id: 2 }, &outcome[1]);
         assert!(!whole.is_split(&outcomes), "one of two says so");
         assert_eq!(settled(&subjects, &outcomes), [(5, 2), (6, 2)].into());
         assert!(!part(2, &[0]).is_split(&outcomes), "there is nothing else to ask about");

@@ -1,4 +1,4 @@
-//! The stage: answers from recordings first, then from the asker, several segments at once.
+//! The stage: answers from recordings first, then from the asker, several questions at once.
 
 use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,22 +13,23 @@ use super::cost::{Cost, Price};
 use super::live::{Live, Stop};
 use super::queries::Queries;
 use super::replay::{self, Replayed};
-use super::size::{Size, SizeAnswer, SizeOutcome, SizeQuery};
+use super::size::{Size, SizeAnswer, SizeOutcome, SizeQuestion};
 use crate::query::answer::Problem;
-use crate::query::error::{MissingSegment, QueryError};
+use crate::query::error::{MissingAnswer, QueryError};
 use crate::query::options::AnswerSource;
 use crate::query::question::Question;
-use crate::query::question::segment_query::SegmentQuery;
+use crate::query::question::shown_subject::ShownSubject;
 use crate::query::recorded::sha256::Sha256Hex;
-use crate::query::recorded::{Answerer, Asked, Miss, Recordings};
-use crate::query::{Answers, Failure, Match, Outcome, SegmentAnswer};
+use crate::query::recorded::{Answerer, Miss, QuestionId, Recordings};
+use crate::query::{Answers, Failure, Match, Outcome, SubjectAnswer, SubjectId};
 use crate::words::progress::Progress;
 
 /// The estimate before anything is sent.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
     /// Questions whose answers are recorded and those that are then due.
-    pub segments: usize,
+    #[serde(rename = "segments")]
+    pub questions: usize,
     /// Questions whose answer is recorded.
     pub recorded: usize,
     /// The most questions that there may be in all, if answers disagree and parts consist of several materials.
@@ -40,13 +41,13 @@ pub struct Preview {
 /// The text that follows "questions: ".
 impl std::fmt::Display for Preview {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let Self { segments, recorded, at_most, cost } = self;
-        let more = if at_most > segments {
+        let Self { questions, recorded, at_most, cost } = self;
+        let more = if at_most > questions {
             format!(" (at most {at_most} if answers disagree or name several materials)")
         } else {
             String::new()
         };
-        write!(f, "{segments}{more}, {recorded} recorded; to ask: {cost}")
+        write!(f, "{questions}{more}, {recorded} recorded; to ask: {cost}")
     }
 }
 
@@ -57,7 +58,7 @@ pub struct Run {
     pub spent: Spent,
 }
 
-/// A segment that must be asked about, by its index among the segments.
+/// A subject that must be asked about, by its index among the subjects.
 struct Open<'a> {
     index: usize,
     question: &'a Question,
@@ -67,14 +68,14 @@ struct Open<'a> {
     problem: Option<Problem>,
 }
 
-/// The segments by what the recordings hold for them.
+/// The subjects by what the recordings hold for them.
 struct Sorted<'a> {
     answered: Vec<(usize, Outcome)>,
     open: Vec<Open<'a>>,
 }
 
 impl Sorted<'_> {
-    /// Counts the segments whose recorded answers cannot be used as failed: nobody is asked again.
+    /// Counts the subjects whose recorded answers cannot be used as failed: nobody is asked again.
     fn fail_unusable(&mut self) {
         let open = std::mem::take(&mut self.open);
         let (unusable, open): (Vec<Open>, Vec<Open>) = open.into_iter().partition(|open| open.problem.is_some());
@@ -91,29 +92,29 @@ impl Queries<'_> {
         let (asks_size, has_size) = (usize::from(self.size.is_some()), self.has_size(recordings, answerer));
         let cost_of_size = if has_size { Cost::default() } else { self.cost_of_size(price) };
         Preview {
-            segments: self.segments.len() + asks_size,
+            questions: self.subjects.len() + asks_size,
             recorded: sorted.answered.len() + usize::from(has_size),
-            at_most: self.segments.len() + asks_size,
+            at_most: self.subjects.len() + asks_size,
             cost: self.cost_of(&sorted.open, price).plus(cost_of_size),
         }
     }
 
-    /// The outcome of every segment that is recorded, in their order. `answerer` is the one that would be asked.
+    /// The outcome of every subject that is recorded, in their order. `answerer` is the one that would be asked.
     pub fn recorded(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<Option<Outcome>> {
-        let mut outcomes: Vec<Option<Outcome>> = vec![None; self.segments.len()];
+        let mut outcomes: Vec<Option<Outcome>> = vec![None; self.subjects.len()];
         for (index, outcome) in self.sort(recordings, answerer).answered {
             outcomes[index] = Some(outcome);
         }
         outcomes
     }
 
-    /// The segments that are not recorded, each with the question to be asked next; then the whole object, if its size is
+    /// The subjects that are not recorded, each with the question to be asked next; then the whole object, if its size is
     /// to be asked and is not recorded. `answerer` is the one that would be asked.
-    pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&SegmentQuery, &Question)> {
+    pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&ShownSubject, &Question)> {
         let sorted = self.sort(recordings, answerer);
-        let segments = sorted.open.into_iter().map(|open| (&self.segments[open.index], open.question));
+        let subjects = sorted.open.into_iter().map(|open| (&self.subjects[open.index], open.question));
         let size = self.size.filter(|_| !self.has_size(recordings, answerer));
-        segments.chain(size.map(|size| (&size.shown, &size.question))).collect()
+        subjects.chain(size.map(|size| (&size.shown, &size.question))).collect()
     }
 
     /// True if the size is to be asked and is recorded.
@@ -123,7 +124,7 @@ impl Queries<'_> {
 
     fn recorded_size(
         &self,
-        size: &SizeQuery,
+        size: &SizeQuestion,
         recordings: &Recordings,
         answerer: Option<&Answerer>,
     ) -> Result<Size, Miss> {
@@ -164,17 +165,17 @@ impl Queries<'_> {
         Ok(Some(SizeAnswer { view, outcome }))
     }
 
-    /// Asks about the first segment that is not recorded and whose question is `due`, and returns that question with the
+    /// Asks about the first subject that is not recorded and whose question is `due`, and returns that question with the
     /// outcome; `None` if there is none. Nothing is announced.
     pub fn ask_first(
         &self,
         recordings: &Recordings,
         asker: &dyn Asker,
         budget: &Budget,
-        mut due: impl FnMut(&SegmentQuery, &Question) -> bool,
-    ) -> Result<Option<(Asked, Outcome)>, QueryError> {
+        mut due: impl FnMut(&ShownSubject, &Question) -> bool,
+    ) -> Result<Option<(QuestionId, Outcome)>, QueryError> {
         let sorted = self.sort(recordings, Some(asker.answerer()));
-        let is_due = |open: &Open| due(&self.segments[open.index], open.question);
+        let is_due = |open: &Open| due(&self.subjects[open.index], open.question);
         let Some(at) = sorted.open.iter().position(is_due) else { return Ok(None) };
         let first = &sorted.open[at];
         let mut answer = None;
@@ -183,22 +184,22 @@ impl Queries<'_> {
         budget.announce(asker.most_requests(self.questions.longest_chain().len()));
         let live = Live { queries: self, recordings, asker, budget, progress: Progress::Hidden };
         ask_all(&live, std::slice::from_ref(first), &mut |_, outcome| answer = Some(outcome))?;
-        Ok(answer.map(|outcome| (self.segments[first.index].asked(first.question), outcome)))
+        Ok(answer.map(|outcome| (self.subjects[first.index].asked(first.question), outcome)))
     }
 
-    /// The recordings that answer any segment, whoever answered: all others are unused by these views and options.
+    /// The recordings that answer any subject, whoever answered: all others are unused by these views and options.
     pub fn used(&self, recordings: &Recordings) -> BTreeSet<Sha256Hex> {
-        let segments = self.segments.par_iter();
-        segments
-            .flat_map_iter(|segment| self.questions.all().map(move |question| segment.asked(question)))
+        let subjects = self.subjects.par_iter();
+        subjects
+            .flat_map_iter(|subject| self.questions.all().map(move |question| subject.asked(question)))
             .chain(self.size.map(|size| size.shown.asked(&size.question)))
             .flat_map_iter(|asked| recordings.serving(&asked))
             .collect()
     }
 
-    /// Answers every segment: from `recordings`, and from `asker` if they have no answer.
+    /// Answers every subject: from `recordings`, and from `asker` if they have no answer.
     ///
-    /// The result has the answers in the order of the segments. A segment that could not be answered is a typed failure
+    /// The result has the answers in the order of the subjects. A subject that could not be answered is a typed failure
     /// among the answers and is not recorded. Requests are entered in `budget`, which holds the budget and may have entries
     /// of earlier runs.
     ///
@@ -217,12 +218,16 @@ impl Queries<'_> {
         if asker.is_none() {
             sorted.fail_unusable();
         }
-        let bar = progress.bar("query", self.segments.len() as u64);
-        let mut outcomes: Vec<Option<SegmentAnswer>> = vec![None; self.segments.len()];
+        let bar = progress.bar("query", self.subjects.len() as u64);
+        let mut outcomes: Vec<Option<SubjectAnswer>> = vec![None; self.subjects.len()];
         let mut keep = |index: usize, outcome: Outcome| {
-            let segment = &self.segments[index];
+            let subject = &self.subjects[index];
             bar.inc(1);
-            outcomes[index] = Some(SegmentAnswer { view: segment.view.clone(), segment: segment.segment, outcome });
+            outcomes[index] = Some(SubjectAnswer {
+                view: subject.view.clone(),
+                subject: SubjectId::of(self.about, subject.id),
+                outcome,
+            });
         };
 
         match asker {
@@ -244,18 +249,18 @@ impl Queries<'_> {
             ask_all(&live, &sorted.open, &mut keep)?;
         }
         bar.finish_and_clear();
-        Ok(Run { answers: Answers { segments: outcomes.into_iter().flatten().collect() }, spent: budget.spent() })
+        Ok(Run { answers: Answers::new(outcomes.into_iter().flatten().collect()), spent: budget.spent() })
     }
 
     fn sort(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Sorted<'_> {
         let who = replay::who(answerer, self.options);
-        let replay = |segment| match self.options.answers {
+        let replay = |subject| match self.options.answers {
             AnswerSource::Live => {
                 Replayed::Missing { question: self.questions.first(), miss: Miss::Live, so_far: Match::Exact }
             }
-            AnswerSource::Replay | AnswerSource::Record => replay::replay(self, segment, recordings, who),
+            AnswerSource::Replay | AnswerSource::Record => replay::replay(self, subject, recordings, who),
         };
-        let replayed: Vec<Replayed> = self.segments.par_iter().map(replay).collect();
+        let replayed: Vec<Replayed> = self.subjects.par_iter().map(replay).collect();
         let mut sorted = Sorted { answered: Vec::new(), open: Vec::new() };
         for (index, replayed) in replayed.into_iter().enumerate() {
             match replayed {
@@ -277,12 +282,12 @@ impl Queries<'_> {
         let with_next = open.iter().flat_map(|open| {
             let is_first = std::ptr::eq(open.question, chain[0]);
             let next = if is_first { &chain[1..] } else { &[] };
-            std::iter::once(open.question).chain(next.iter().copied()).map(|next| (&self.segments[open.index], next))
+            std::iter::once(open.question).chain(next.iter().copied()).map(|next| (&self.subjects[open.index], next))
         });
         self.cost(with_next, price)
     }
 
-    /// The cost of asking about the open segments whose questions are `due`: about the first `at_once` of them live, and
+    /// The cost of asking about the open subjects whose questions are `due`: about the first `at_once` of them live, and
     /// about the others through the Batch API.
     pub fn submission_cost(
         &self,
@@ -290,22 +295,22 @@ impl Queries<'_> {
         answerer: &Answerer,
         price: Option<&Price>,
         at_once: usize,
-        mut due: impl FnMut(&SegmentQuery, &Question) -> bool,
+        mut due: impl FnMut(&ShownSubject, &Question) -> bool,
     ) -> (Cost, Cost) {
         let open = self.unanswered(recordings, Some(answerer));
-        let is_due = |(segment, question): &(&SegmentQuery, &Question)| due(segment, question);
-        let due: Vec<(&SegmentQuery, &Question)> = open.into_iter().filter(is_due).collect();
+        let is_due = |(subject, question): &(&ShownSubject, &Question)| due(subject, question);
+        let due: Vec<(&ShownSubject, &Question)> = open.into_iter().filter(is_due).collect();
         let (now, later) = due.split_at(at_once.min(due.len()));
-        let cost = |due: &[(&SegmentQuery, &Question)]| self.cost(due.iter().copied(), price);
+        let cost = |due: &[(&ShownSubject, &Question)]| self.cost(due.iter().copied(), price);
         (cost(now), cost(later).by_batch_api())
     }
 
     fn missing(&self, open: &[Open]) -> QueryError {
         let missing = open.iter().map(|open| {
-            let segment = &self.segments[open.index];
-            MissingSegment { view: segment.view.clone(), segment: segment.segment, miss: open.miss }
+            let subject = &self.subjects[open.index];
+            MissingAnswer { view: subject.view.clone(), subject: subject.id, miss: open.miss }
         });
-        QueryError::Missing { segments: self.segments.len(), missing: missing.collect() }
+        QueryError::Missing { questions: self.subjects.len(), missing: missing.collect() }
     }
 }
 
@@ -331,12 +336,12 @@ fn announce(asker: &dyn Asker, pictures: usize, cost: &Cost, budget: &Budget) {
     asker.announce(pictures, most, cost);
 }
 
-/// Checks that the asker can be asked about `segments` open segments.
-fn check_ready(asker: &dyn Asker, segments: usize) -> Result<(), QueryError> {
-    asker.ready().map_err(|error| QueryError::NotReady { error, segments })
+/// Checks that the asker can be asked `questions` open questions.
+fn check_ready(asker: &dyn Asker, questions: usize) -> Result<(), QueryError> {
+    asker.ready().map_err(|error| QueryError::NotReady { error, questions })
 }
 
-/// What came of asking about several segments.
+/// What came of asking about several subjects.
 #[derive(Default)]
 struct Asking {
     answered: usize,
@@ -379,7 +384,7 @@ impl Asking {
     }
 }
 
-/// What came of asking about the open segment of this index.
+/// What came of asking about the open subject of this index.
 struct Told {
     index: usize,
     outcome: Result<Option<Outcome>, Stop>,
@@ -387,12 +392,12 @@ struct Told {
 
 impl Told {
     fn of(live: &Live, open: &Open) -> Self {
-        let outcome = live.answer(&live.queries.segments[open.index], open.question, open.so_far);
+        let outcome = live.answer(&live.queries.subjects[open.index], open.question, open.so_far);
         Self { index: open.index, outcome }
     }
 }
 
-/// Asks about all open segments; `keep` gets each outcome on this thread as it arrives. Until the server has given a usable
+/// Asks about all open subjects; `keep` gets each outcome on this thread as it arrives. Until the server has given a usable
 /// reply, one question is asked at a time: the form of request that a server accepts, and that it is of no use, are found
 /// out once and not by every thread.
 fn ask_all(live: &Live, open: &[Open], keep: &mut dyn FnMut(usize, Outcome)) -> Result<(), QueryError> {

@@ -10,8 +10,8 @@ use crate::query::options::Options;
 use crate::query::question::Question;
 use crate::query::question::prompt::{PromptError, Prompts};
 use crate::query::question::schema::Schema;
-use crate::query::question::segment_query::SegmentQuery;
 use crate::query::question::sheet::Sheet;
+use crate::query::question::shown_subject::ShownSubject;
 use crate::query::recorded::Mask;
 use crate::query::recorded::sha256::Sha256Hex;
 use crate::scene::Photo;
@@ -23,9 +23,9 @@ const NARROWEST: f64 = 1.02;
 
 /// The question, with the picture of one view.
 #[derive(Debug)]
-pub struct SizeQuery {
+pub struct SizeQuestion {
     /// The object in that view.
-    pub shown: SegmentQuery,
+    pub shown: ShownSubject,
     pub question: Question,
 }
 
@@ -65,8 +65,8 @@ struct Written {
     longest_side_cm: Range,
 }
 
-impl SizeQuery {
-    /// The number of the whole object, which no segment or part has.
+impl SizeQuestion {
+    /// The id of the whole object, which no segment or part has.
     pub const WHOLE: u16 = 0;
 
     /// The question about the object in `photo`, which is that of `view`.
@@ -74,9 +74,9 @@ impl SizeQuery {
         let sheet = Sheet::of_object(photo, options.sheet_size);
         let (file, schema) = prompts.size_schema();
         Ok(Self {
-            shown: SegmentQuery {
+            shown: ShownSubject {
                 view: view.to_owned(),
-                segment: Self::WHOLE,
+                id: Self::WHOLE,
                 photo_sha256: Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw()),
                 mask: Mask::of_foreground(&photo.foreground),
                 sheet_sha256: sheet.pixels_sha256(),

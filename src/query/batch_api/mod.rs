@@ -1,7 +1,7 @@
 //! Questions through OpenAI's Batch API, at half the price and answered within a day.
 //!
-//! 1. [`Request`]s are gathered from the [`Submission`]s of one scene or of many; questions that are already
-//!    [waiting](Waiting) are left out.
+//! 1. [`JobRequest`]s are gathered from the [`Submission`]s of one scene or of many; questions that are already
+//!    [sent](SentQuestion) are left out.
 //! 2. [`submit`] sends them in as many jobs as the API's limits require, and reports each job as soon as it is
 //!    accepted.
 //! 3. [`collect`] asks for the state of a job and reads its results: all of them, or those that were ready before it
@@ -24,7 +24,7 @@ use serde_json::{Value, json};
 use super::client::Client;
 use super::error::QueryError;
 use super::options::AnswerSource;
-use super::recorded::{Answerer, Asked, key};
+use super::recorded::{Answerer, QuestionId, key};
 use crate::error::UsageError;
 use crate::query::ask::asker::{AskError, Asker};
 use crate::query::recorded::sha256::Sha256Hex;
@@ -39,24 +39,24 @@ pub use submission::{Submission, check_submission};
 const MAX_REQUESTS: usize = 50_000;
 const MAX_BYTES: usize = 190_000_000;
 
-/// One question to be sent.
+/// One question to be sent in a job.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Request {
-    pub waiting: Waiting,
-    /// The body in the form of Chat Completions.
-    pub body: Value,
+pub struct JobRequest {
+    pub question: SentQuestion,
+    /// What is sent, in the form of Chat Completions.
+    pub payload: Value,
 }
 
 /// A question of one scene that was sent and whose answer has not been collected.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Waiting {
+pub struct SentQuestion {
     /// Key of the recording that the answer becomes.
     pub key: Sha256Hex,
     /// The scene that the question belongs to if one submission holds the questions of many; empty if there is only one
     /// scene.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub owner: String,
-    pub asked: Asked,
+    pub asked: QuestionId,
 }
 
 /// A job that was accepted.
@@ -64,7 +64,7 @@ pub struct Waiting {
 pub struct BatchApiJob {
     /// The server's name for it.
     pub id: String,
-    pub waiting: Vec<Waiting>,
+    pub waiting: Vec<SentQuestion>,
 }
 
 /// The jobs that were submitted and are not yet collected: the content of `batch_api.json`.
@@ -77,9 +77,9 @@ pub struct Submitted {
 #[derive(Debug)]
 pub struct Ended {
     /// The questions that were answered.
-    pub answered: Vec<(Waiting, Answered)>,
+    pub answered: Vec<(SentQuestion, Answered)>,
     /// The questions that were not, each with the reason.
-    pub failed: Vec<(Waiting, NotAnswered)>,
+    pub failed: Vec<(SentQuestion, NotAnswered)>,
 }
 
 /// The progress of a job.
@@ -111,10 +111,10 @@ impl Submitted {
 
     /// Adds questions of scenes to the jobs that were sent the same question for other scenes. Returns whether that changed
     /// anything.
-    pub fn share(&mut self, questions: Vec<Waiting>) -> bool {
+    pub fn share(&mut self, questions: Vec<SentQuestion>) -> bool {
         let known: BTreeSet<(&Sha256Hex, &str)> =
             self.jobs.iter().flat_map(|job| &job.waiting).map(|waiting| (&waiting.key, &*waiting.owner)).collect();
-        let mut more: BTreeMap<Sha256Hex, Vec<Waiting>> = BTreeMap::new();
+        let mut more: BTreeMap<Sha256Hex, Vec<SentQuestion>> = BTreeMap::new();
         for question in questions {
             if !known.contains(&(&question.key, &*question.owner)) {
                 more.entry(question.key.clone()).or_default().push(question);
@@ -122,7 +122,7 @@ impl Submitted {
         }
         let mut changed = false;
         for job in &mut self.jobs {
-            let same: Vec<Waiting> =
+            let same: Vec<SentQuestion> =
                 job.waiting.iter().filter_map(|waiting| more.remove(&waiting.key)).flatten().collect();
             changed |= !same.is_empty();
             job.waiting.extend(same);
@@ -132,7 +132,7 @@ impl Submitted {
 
     /// Notes what is left of a job whose answers were fetched: these questions still wait, and without any, the job is
     /// done.
-    pub fn keep_waiting(&mut self, id: &str, left: Vec<Waiting>) {
+    pub fn keep_waiting(&mut self, id: &str, left: Vec<SentQuestion>) {
         self.jobs.retain_mut(|job| {
             if job.id == id {
                 job.waiting.clone_from(&left);
@@ -142,11 +142,11 @@ impl Submitted {
     }
 }
 
-impl Request {
+impl JobRequest {
     /// One line of the input file, with its line break.
     fn line(&self) -> String {
         let line = json!({
-            "custom_id": self.waiting.key, "method": "POST", "url": "/v1/chat/completions", "body": self.body,
+            "custom_id": self.question.key, "method": "POST", "url": "/v1/chat/completions", "body": self.payload,
         });
         format!("{line}\n")
     }
@@ -169,10 +169,10 @@ pub fn check_may_send(answers: AnswerSource) -> Result<(), UsageError> {
 /// no more than one job's requests in memory.
 pub fn submit<E: From<QueryError>>(
     client: &Client,
-    requests: impl IntoIterator<Item = Request>,
+    requests: impl IntoIterator<Item = JobRequest>,
     mut accepted: impl FnMut(BatchApiJob) -> Result<(), E>,
 ) -> Result<(), E> {
-    let mut start = |lines: &str, waiting: Vec<Waiting>| {
+    let mut start = |lines: &str, waiting: Vec<SentQuestion>| {
         let id = client.start_batch_api_job(lines).map_err(QueryError::BatchApi)?.id;
         let job = BatchApiJob { id, waiting };
         accepted(job.clone()).inspect_err(|_| {
@@ -192,7 +192,7 @@ pub fn submit<E: From<QueryError>>(
             lines.clear();
         }
         lines.push_str(&line);
-        waiting.push(request.waiting);
+        waiting.push(request.question);
     }
     if waiting.is_empty() { Ok(()) } else { start(&lines, waiting) }
 }

@@ -3,16 +3,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Answered, Collected, Request, Waiting};
+use super::{Answered, Collected, JobRequest, SentQuestion};
 use crate::query::answer::Unknown;
-use crate::query::ask::asker::{Ask, AskError, Asker};
+use crate::query::ask::asker::{AskError, Asker, Request};
 use crate::query::ask::budget::Budget;
 use crate::query::ask::cost::{Cost, Price};
 use crate::query::ask::queries::Queries;
 use crate::query::client::Client;
 use crate::query::error::QueryError;
 use crate::query::question::Question;
-use crate::query::question::segment_query::SegmentQuery;
+use crate::query::question::shown_subject::ShownSubject;
 use crate::query::recorded::sha256::Sha256Hex;
 use crate::query::recorded::{Answerer, Recording, Recordings, Who, key};
 use crate::query::{Failure, Outcome};
@@ -27,8 +27,8 @@ pub struct Submission<'a> {
 }
 
 /// Whether the key of a question is not in `taken`, to which it is then added.
-fn not_in(taken: &mut BTreeSet<Sha256Hex>, answerer: &Answerer) -> impl FnMut(&SegmentQuery, &Question) -> bool {
-    move |segment, question| taken.insert(key(answerer, &segment.asked(question)))
+fn not_in(taken: &mut BTreeSet<Sha256Hex>, answerer: &Answerer) -> impl FnMut(&ShownSubject, &Question) -> bool {
+    move |subject, question| taken.insert(key(answerer, &subject.asked(question)))
 }
 
 impl Submission<'_> {
@@ -65,17 +65,17 @@ impl Submission<'_> {
     }
 
     /// The open questions that are not `taken`, to which they are added, with the owner `owner`.
-    pub fn requests(&self, owner: &str, taken: &mut BTreeSet<Sha256Hex>) -> Vec<Request> {
+    pub fn requests(&self, owner: &str, taken: &mut BTreeSet<Sha256Hex>) -> Vec<JobRequest> {
         let answerer = self.client.answerer();
         let open = self.queries.unanswered(self.recordings, Some(answerer));
         let mut due = not_in(taken, answerer);
-        let mut requests: BTreeMap<_, Request> = BTreeMap::new();
-        for (segment, question) in open.into_iter().filter(|(segment, question)| due(segment, question)) {
-            let asked = segment.asked(question);
+        let mut requests: BTreeMap<_, JobRequest> = BTreeMap::new();
+        for (subject, question) in open.into_iter().filter(|(subject, question)| due(subject, question)) {
+            let asked = subject.asked(question);
             let key = key(answerer, &asked);
-            let body = self.client.body(Ask { question, picture: &segment.jpeg, correction: None });
-            let waiting = Waiting { key: key.clone(), owner: owner.to_owned(), asked };
-            requests.insert(key, Request { waiting, body });
+            let payload = self.client.payload(Request { question, picture: &subject.jpeg, correction: None });
+            let sent = SentQuestion { key: key.clone(), owner: owner.to_owned(), asked };
+            requests.insert(key, JobRequest { question: sent, payload });
         }
         requests.into_values().collect()
     }
@@ -84,9 +84,9 @@ impl Submission<'_> {
     /// it was asked with other prompts, materials or options, with which it can still be collected.
     pub fn record(
         &self,
-        answered: Vec<(Waiting, Answered)>,
+        answered: Vec<(SentQuestion, Answered)>,
         collected: &mut Collected,
-    ) -> Result<Vec<Waiting>, QueryError> {
+    ) -> Result<Vec<SentQuestion>, QueryError> {
         let mut left = Vec::new();
         for (waiting, Answered { text, served_model, usage }) in answered {
             match self.queries.check(&waiting.asked, &text, Unknown::TakeNearest) {

@@ -9,7 +9,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde_json::{Value, json};
 
 use super::fields::Fields;
-use crate::query::ask::asker::Ask;
+use crate::query::ask::asker::Request;
 
 /// What all requests have in common.
 #[derive(Debug)]
@@ -94,13 +94,13 @@ impl Dialect {
         Self { limit, ..Self::default() }
     }
 
-    /// The request's body. The text comes before the picture: it is the same for all segments, and servers that cache
+    /// What is sent for the request. The text comes before the picture: it is the same for all segments, and servers that cache
     /// the beginning of earlier requests process it once.
-    pub fn body(self, settings: &Settings, ask: Ask) -> Value {
+    pub fn payload(self, settings: &Settings, request: Request) -> Value {
         let Settings { model, temperature, max_tokens, fields } = settings;
-        let picture = format!("data:image/jpeg;base64,{}", STANDARD.encode(ask.picture));
-        let mut content = vec![json!({ "type": "text", "text": ask.question.prompt })];
-        if self.format == Format::JsonObject && !ask.question.prompt.contains(JSON) {
+        let picture = format!("data:image/jpeg;base64,{}", STANDARD.encode(request.picture));
+        let mut content = vec![json!({ "type": "text", "text": request.question.prompt })];
+        if self.format == Format::JsonObject && !request.question.prompt.contains(JSON) {
             content.push(json!({ "type": "text", "text": SAY_JSON }));
         }
         let mut image_url = json!({ "url": picture });
@@ -109,30 +109,30 @@ impl Dialect {
         }
         content.push(json!({ "type": "image_url", "image_url": image_url }));
         let mut messages = vec![json!({ "role": "user", "content": content })];
-        if let Some(correction) = ask.correction {
+        if let Some(correction) = request.correction {
             messages.push(json!({ "role": "assistant", "content": correction.response }));
             messages.push(json!({ "role": "user", "content": correction.prompt }));
         }
-        let mut body = json!({ "model": model, "messages": messages, "stream": false });
+        let mut payload = json!({ "model": model, "messages": messages, "stream": false });
         if self.limit != Limit::MaxCompletionTokens {
-            body["max_tokens"] = json!(max_tokens);
+            payload["max_tokens"] = json!(max_tokens);
         }
         if self.limit != Limit::MaxTokens {
-            body["max_completion_tokens"] = json!(max_tokens);
+            payload["max_completion_tokens"] = json!(max_tokens);
         }
         if self.temperature == Temperature::Sent {
-            body["temperature"] = json!(temperature);
+            payload["temperature"] = json!(temperature);
         }
         match self.format {
             Format::JsonSchema => {
-                let schema = json!({ "name": "answer", "strict": true, "schema": ask.question.schema.value() });
-                body["response_format"] = json!({ "type": "json_schema", "json_schema": schema });
+                let schema = json!({ "name": "answer", "strict": true, "schema": request.question.schema.value() });
+                payload["response_format"] = json!({ "type": "json_schema", "json_schema": schema });
             }
-            Format::JsonObject => body["response_format"] = json!({ "type": "json_object" }),
+            Format::JsonObject => payload["response_format"] = json!({ "type": "json_object" }),
             Format::Text => {}
         }
-        fields.add_to(&mut body);
-        body
+        fields.add_to(&mut payload);
+        payload
     }
 
     /// The next plainer dialect after a server refused this one with `message`; `None` if there is none.

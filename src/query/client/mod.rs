@@ -36,7 +36,7 @@ use tokio::runtime::Runtime;
 use super::options::Options;
 use super::recorded::{Answerer, Usage};
 use crate::query::answer::extract;
-use crate::query::ask::asker::{Ask, AskError, Asker, Reply, ReplyContent};
+use crate::query::ask::asker::{AskError, Asker, Reply, ReplyContent, Request};
 use crate::query::ask::budget::Account;
 use crate::query::ask::cost::Cost;
 use crate::setup::Offline;
@@ -153,10 +153,10 @@ impl Client {
         }))
     }
 
-    /// The body of the request for a question, in the dialect that the server last accepted.
-    pub fn body(&self, ask: Ask) -> Value {
+    /// What is sent for a question, in the dialect that the server last accepted.
+    pub fn payload(&self, request: Request) -> Value {
         let dialect = *self.dialect.lock().unwrap_or_else(PoisonError::into_inner);
-        dialect.body(&self.settings, ask)
+        dialect.payload(&self.settings, request)
     }
 
     /// A text of the server with the key cut out: as it came, escaped, or in part.
@@ -190,12 +190,12 @@ impl Client {
     }
 
     /// Asks one question, in whichever dialect the server accepts and answers.
-    async fn converse(&self, ask: Ask<'_>, account: &Account<'_>) -> Result<Reply, AskError> {
+    async fn converse(&self, request: Request<'_>, account: &Account<'_>) -> Result<Reply, AskError> {
         let mut dialect = *self.dialect.lock().unwrap_or_else(PoisonError::into_inner);
         let mut used = None;
         let mut is_known = true;
         loop {
-            match self.send(dialect, ask, account).await {
+            match self.send(dialect, request, account).await {
                 Ok(reply) => {
                     used = sum(used, reply.usage);
                     let is_empty = matches!(reply.content, ReplyContent::Empty(_));
@@ -223,18 +223,18 @@ impl Client {
         }
     }
 
-    async fn send(&self, dialect: Dialect, ask: Ask<'_>, account: &Account<'_>) -> Result<Reply, Attempt> {
+    async fn send(&self, dialect: Dialect, request: Request<'_>, account: &Account<'_>) -> Result<Reply, Attempt> {
         self.note(dialect.format());
-        if ask.correction.is_some() {
+        if request.correction.is_some() {
             self.note("with a correction");
         }
-        let body = dialect.body(&self.settings, ask);
+        let payload = dialect.payload(&self.settings, request);
         let url = self.address.chat_completions();
-        let request = || self.http.post(url.clone()).header(CONTENT_TYPE, "application/json").json(&body);
-        let read = |received: &Received| response::read(received, |text| ask.question.schema.check(text).is_ok());
+        let post = || self.http.post(url.clone()).header(CONTENT_TYPE, "application/json").json(&payload);
+        let read = |received: &Received| response::read(received, |text| request.question.schema.check(text).is_ok());
         let attempt = async || {
             let entry = account.open().map_err(|reason| Attempt::Final(reason.into()))?;
-            let Exchanged { result, may_be_billed } = self.exchange_once(request(), MAX_REPLY_BYTES, read).await;
+            let Exchanged { result, may_be_billed } = self.exchange_once(post(), MAX_REPLY_BYTES, read).await;
             // A key may be split over the parts of a text.
             let result = result.map(|reply| reply.with_texts(|text| self.without_key(text)));
             match &result {
@@ -400,8 +400,8 @@ impl Asker for Client {
         self.tried.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    fn ask(&self, ask: Ask, account: &Account) -> Result<Reply, AskError> {
-        self.runtime.block_on(self.converse(ask, account))
+    fn ask(&self, request: Request, account: &Account) -> Result<Reply, AskError> {
+        self.runtime.block_on(self.converse(request, account))
     }
 }
 

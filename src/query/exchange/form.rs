@@ -11,7 +11,7 @@ use crate::words::html;
 
 /// One question as the page shows it.
 #[derive(Debug, Serialize)]
-pub struct FormQuery<'a> {
+pub struct FormQuestion<'a> {
     pub query: &'a str,
     /// Path of the picture, relative to the page.
     pub sheet: String,
@@ -38,7 +38,7 @@ pub struct FormMaterial<'a> {
 
 /// The page, with the names of fillings to choose from. What it embeds is escaped by the template engine, so that no text
 /// can end the script or an element.
-pub fn page(queries: &[FormQuery], texts: &[FormText], materials: &[FormMaterial], fillings: &[&str]) -> String {
+pub fn page(queries: &[FormQuestion], texts: &[FormText], materials: &[FormMaterial], fillings: &[&str]) -> String {
     let unescaped = |text: &str| minijinja::Value::from_safe_string(text.to_owned());
     let (style, script) = (unescaped(include_str!("form.css")), unescaped(include_str!("form.js")));
     let data = context! {

@@ -21,9 +21,9 @@ use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
 use crate::query::ask::queries::Queries;
 use crate::query::question::Question;
-use crate::query::question::segment_query::SegmentQuery;
-use crate::query::recorded::{Answerer, Asked, Recording, RecordingError, Recordings};
-use form::{FormMaterial, FormQuery, FormText};
+use crate::query::question::shown_subject::ShownSubject;
+use crate::query::recorded::{Answerer, QuestionId, Recording, RecordingError, Recordings};
+use form::{FormMaterial, FormQuestion, FormText};
 
 const QUERIES: &str = "queries.jsonl";
 const ANSWERS: &str = "answers.jsonl";
@@ -34,7 +34,7 @@ const FORMAT: u32 = 1;
 
 /// A line of `queries.jsonl`; file names are relative to the folder.
 #[derive(Debug, Serialize)]
-struct QueryLine<'a> {
+struct QuestionLine<'a> {
     query: &'a str,
     sheet: String,
     prompt: &'a str,
@@ -56,7 +56,7 @@ struct AnswerLine {
 #[derive(Debug, Serialize, Deserialize)]
 struct OriginLine {
     query: String,
-    asked: Asked,
+    asked: QuestionId,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -108,14 +108,14 @@ pub enum ExchangeError {
     Recording(#[from] RecordingError),
 }
 
-/// Writes questions into a new or empty folder; returns their number. Two segments with the same picture share one
+/// Writes questions into a new or empty folder; returns their number. Two subjects with the same picture share one
 /// question. `part_of` returns the same value for the same part: the form puts the questions about one part together, and
 /// offers the answer to one of them for the next.
 pub fn export(
     folder: &Path,
-    open: &[(&SegmentQuery, &Question)],
+    open: &[(&ShownSubject, &Question)],
     library: &MaterialLibrary,
-    part_of: &dyn Fn(&SegmentQuery) -> (usize, u16),
+    part_of: &dyn Fn(&ShownSubject) -> (usize, u16),
 ) -> Result<usize, ExchangeError> {
     if fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some()) {
         return Err(ExchangeError::NotEmpty(folder.into()));
@@ -125,18 +125,18 @@ pub fn export(
     let mut names = BTreeSet::new();
     let mut on_page = Vec::new();
     let (mut queries, mut answers, mut origins) = (String::new(), String::new(), String::new());
-    for (segment, question) in open {
-        let asked = segment.asked(question);
+    for (subject, question) in open {
+        let asked = subject.asked(question);
         let content = asked.content_sha256();
         let query = content.short();
         if !names.insert(query.to_owned()) {
             continue;
         }
         let sheet = format!("sheets/{query}.jpg");
-        write(folder, &sheet, &segment.jpeg)?;
+        write(folder, &sheet, &subject.jpeg)?;
         let Text { prompt, schema, index, .. } = &texts[&hashes(question)];
-        on_page.push((query.to_owned(), sheet.clone(), *index, part_of(segment)));
-        push_line(&mut queries, &QueryLine { query, sheet, prompt, schema });
+        on_page.push((query.to_owned(), sheet.clone(), *index, part_of(subject)));
+        push_line(&mut queries, &QuestionLine { query, sheet, prompt, schema });
         push_line(&mut answers, &AnswerLine { query: query.into(), answer: Value::Null, model: None });
         push_line(&mut origins, &OriginLine { query: query.into(), asked });
     }
@@ -165,7 +165,7 @@ fn page(
     texts: &BTreeMap<Hashes, Text>,
     library: &MaterialLibrary,
 ) -> String {
-    let queries = queries.iter().map(|(query, sheet, text, part)| FormQuery {
+    let queries = queries.iter().map(|(query, sheet, text, part)| FormQuestion {
         query,
         sheet: sheet.clone(),
         text: *text,
@@ -203,7 +203,7 @@ struct Text<'a> {
 /// Writes the prompt and the schema of each question once; returns their files.
 fn write_texts<'a>(
     folder: &Folder,
-    open: &[(&SegmentQuery, &'a Question)],
+    open: &[(&ShownSubject, &'a Question)],
 ) -> Result<BTreeMap<Hashes<'a>, Text<'a>>, ExchangeError> {
     let mut texts: BTreeMap<Hashes, Text> = BTreeMap::new();
     for (_, question) in open {
@@ -298,7 +298,7 @@ fn parse(text: &str) -> Result<AnswerLine, LineProblem> {
 fn check(
     line: AnswerLine,
     model: Option<String>,
-    origins: &BTreeMap<String, Asked>,
+    origins: &BTreeMap<String, QuestionId>,
     queries: &Queries,
 ) -> Result<Recording, LineProblem> {
     let asked = origins.get(&line.query).ok_or(LineProblem::NoQuery(line.query))?;
@@ -313,7 +313,7 @@ fn check(
     Ok(Recording::new(&answerer, asked.clone(), response, None, None))
 }
 
-fn origins(path: &Path) -> Result<BTreeMap<String, Asked>, ExchangeError> {
+fn origins(path: &Path) -> Result<BTreeMap<String, QuestionId>, ExchangeError> {
     (1..)
         .zip(read(path)?.lines())
         .map(|(line, text)| {

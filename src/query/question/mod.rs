@@ -1,19 +1,20 @@
-//! The questions about every segment: one prompt and schema, or a chain of two.
+//! The questions about every subject: one prompt and schema, or a chain of two.
 //!
-//! Prompts and schemas do not depend on the segment (only the picture does), so servers that cache the beginning of a
+//! Prompts and schemas do not depend on the subject (only the picture does), so servers that cache the beginning of a
 //! request process the long list of materials once.
 
 pub(super) mod prompt;
 pub mod schema;
-pub(super) mod segment_query;
 pub mod sheet;
+pub(super) mod shown_subject;
 
 use std::collections::BTreeMap;
 
 use super::Answer;
 use super::answer::{self, Problem, Unknown};
 use super::options::{Context, Guidance};
-use super::recorded::Asked;
+use super::recorded::QuestionId;
+use crate::consensus::AskAbout;
 use crate::materials::MaterialLibrary;
 use crate::materials::fillings::FillingKind;
 use crate::query::question::prompt::{PromptError, Prompts};
@@ -28,15 +29,6 @@ pub struct Question {
     pub schema: Schema,
 }
 
-/// The subjects of the questions.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum About {
-    /// Parts of the object, including their contents.
-    Parts,
-    /// Segments of a view, as the paper asks.
-    Segments,
-}
-
 impl Question {
     /// The question with this prompt, whose answers follow `schema`.
     pub fn new(prompt: String, schema: Schema) -> Self {
@@ -44,7 +36,7 @@ impl Question {
     }
 
     /// True if this is what was asked.
-    pub fn is(&self, asked: &Asked) -> bool {
+    pub fn is(&self, asked: &QuestionId) -> bool {
         self.prompt_sha256 == asked.prompt_sha256 && *self.schema.sha256() == asked.schema_sha256
     }
 }
@@ -70,7 +62,7 @@ impl Questions {
         library: &MaterialLibrary,
         guidance: Guidance,
         context: Context,
-        about: About,
+        about: AskAbout,
     ) -> Result<Self, PromptError> {
         let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
         match guidance {
@@ -89,24 +81,24 @@ impl Questions {
         }
     }
 
-    /// The first question about every segment.
+    /// The first question about every subject.
     pub fn first(&self) -> &Question {
         &self.first
     }
 
-    /// The longest chain of questions that a segment may need.
+    /// The longest chain of questions that a subject may need.
     pub fn longest_chain(&self) -> Vec<&Question> {
         let longest = self.by_family.values().max_by_key(|question| question.prompt.len());
         std::iter::once(&self.first).chain(longest).collect()
     }
 
-    /// Every question that a segment may be asked.
+    /// Every question that may be asked about a subject.
     pub fn all(&self) -> impl Iterator<Item = &Question> {
         std::iter::once(&self.first).chain(self.by_family.values())
     }
 
     /// The question that was asked, if it is one of these.
-    pub fn find(&self, asked: &Asked) -> Option<&Question> {
+    pub fn find(&self, asked: &QuestionId) -> Option<&Question> {
         self.all().find(|question| question.is(asked))
     }
 
@@ -133,7 +125,7 @@ fn material(
     library: &MaterialLibrary,
     families: &[&str],
     context: Context,
-    about: About,
+    about: AskAbout,
 ) -> Result<Question, PromptError> {
     let candidates: Vec<String> = families
         .iter()
@@ -144,8 +136,8 @@ fn material(
         .collect();
     let candidates = candidates.join("\n");
     let (prompt, (file, schema)) = match about {
-        About::Parts => (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema()),
-        About::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema()),
+        AskAbout::Parts => (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema()),
+        AskAbout::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema()),
     };
     let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
     Ok(Question::new(prompt, Schema::new(file, schema.clone(), families, &fillings)?))

@@ -24,7 +24,7 @@ pub const MASK_IOU: f64 = 0.9;
 
 /// A question, independent of who answers it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Asked {
+pub struct QuestionId {
     /// Name of the view, for display.
     pub view: String,
     /// SHA-256 of the view's decoded photo, composited over white.
@@ -38,7 +38,7 @@ pub struct Asked {
     pub sheet_sha256: Sha256Hex,
 }
 
-impl Asked {
+impl QuestionId {
     /// Identifies the question, whoever answers it.
     pub fn content_sha256(&self) -> Sha256Hex {
         Sha256Hex::of_fields(&[
@@ -96,7 +96,7 @@ pub struct Recording {
     /// The name that the server gave its model, if any.
     pub served_model: Option<String>,
     pub parameters: Value,
-    pub asked: Asked,
+    pub asked: QuestionId,
     /// The model's response, word for word.
     pub response: String,
     /// The sum over all requests that led to this answer.
@@ -112,7 +112,7 @@ impl Recording {
     /// A recording of `response` with the current time.
     pub fn new(
         answerer: &Answerer,
-        asked: Asked,
+        asked: QuestionId,
         response: String,
         served_model: Option<String>,
         usage: Option<Usage>,
@@ -133,7 +133,7 @@ impl Recording {
 }
 
 /// The key of an answer to `asked` by `answerer`.
-pub fn key(answerer: &Answerer, asked: &Asked) -> Sha256Hex {
+pub fn key(answerer: &Answerer, asked: &QuestionId) -> Sha256Hex {
     Sha256Hex::of_fields(&[
         answerer.model.as_bytes(),
         answerer.parameters.to_string().as_bytes(),

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::lock::QuestionLock;
-use super::{Answerer, Asked, FORMAT, MASK_IOU, Recording, key};
+use super::{Answerer, FORMAT, MASK_IOU, QuestionId, Recording, key};
 use crate::files::write::{Folder, TEMPORARY};
 use crate::query::Match;
 use crate::query::recorded::sha256::Sha256Hex;
@@ -176,7 +176,7 @@ impl Recordings {
     /// one with the best overlap, then the one with the smallest key.
     pub fn find(
         &self,
-        asked: &Asked,
+        asked: &QuestionId,
         who: Who,
         is_readable: &dyn Fn(&str) -> bool,
     ) -> Result<(Recording, Match), Miss> {
@@ -206,7 +206,7 @@ impl Recordings {
     }
 
     /// The keys of all recordings that may be used for `asked`, whoever answered.
-    pub fn serving(&self, asked: &Asked) -> Vec<Sha256Hex> {
+    pub fn serving(&self, asked: &QuestionId) -> Vec<Sha256Hex> {
         let serves = |recording: &&Recording| {
             let known = &recording.asked;
             let same_view = known.photo_sha256 == asked.photo_sha256;
@@ -279,7 +279,7 @@ fn recordings(by_key: &ByKey) -> impl Iterator<Item = &Recording> + Clone {
 
 /// The recording of the same photo with the best overlap, among those that `accepts` takes.
 fn best_overlap<'a>(
-    asked: &Asked,
+    asked: &QuestionId,
     recordings: impl Iterator<Item = &'a Recording>,
     accepts: &dyn Fn(&Recording) -> bool,
 ) -> Option<(&'a Recording, f64)> {
@@ -293,7 +293,7 @@ fn best_overlap<'a>(
     best
 }
 
-fn miss(asked: &Asked, by_key: &ByKey, best_of_prompt: Option<f64>) -> Miss {
+fn miss(asked: &QuestionId, by_key: &ByKey, best_of_prompt: Option<f64>) -> Miss {
     match (best_of_prompt, best_overlap(asked, recordings(by_key), &|_| true)) {
         (_, None) => Miss::View,
         (best, Some((_, any))) if any >= MASK_IOU && best.is_none_or(|best| best < any) => Miss::Prompt,

@@ -3,7 +3,7 @@
 use minijinja::{Value, context};
 
 use crate::pictures::palette;
-use crate::query::{Answers, Match, Outcome, SegmentAnswer};
+use crate::query::{Answers, Match, Outcome, SubjectAnswer, SubjectId};
 use crate::report::{AnswerCounts, Disagreement, Pictures, Report, ViewPictures};
 use crate::vote::FieldLabel;
 use crate::words::output::counted;
@@ -33,11 +33,11 @@ pub(super) fn disagreements(report: &Report, pictures: &Pictures, answers: &Answ
     let one = |of: &Disagreement| {
         let named =
             of.materials.iter().map(|named| format!("{} in {}", named.material, counted(named.views.len(), "view")));
-        let about = answers.segments.iter().filter(|segment| segment.segment == of.part);
+        let about = answers.all.iter().filter(|answer| answer.subject == SubjectId::Part(of.part));
         context! {
             part => label_of(of.part, report).map_or_else(|| format!("{}, as a whole", of.part), title),
             materials => named.collect::<Vec<_>>().join("; "),
-            rows => about.map(|segment| context! { view => &segment.view, ..row(segment, pictures) }).collect::<Vec<_>>(),
+            rows => about.map(|answer| context! { view => &answer.view, ..row(answer, pictures) }).collect::<Vec<_>>(),
         }
     };
     report.disagreements.iter().map(one).collect()
@@ -54,8 +54,8 @@ fn title(label: &FieldLabel) -> String {
 }
 
 fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
-    let of_view: Vec<&SegmentAnswer> = answers.segments.iter().filter(|segment| segment.view == view.name).collect();
-    let named: Vec<&str> = of_view.iter().map(|segment| material(segment)).collect();
+    let of_view: Vec<&SubjectAnswer> = answers.all.iter().filter(|answer| answer.view == view.name).collect();
+    let named: Vec<&str> = of_view.iter().map(|answer| material(answer)).collect();
     let questions = counted(named.len(), "question");
     let caption = if named.is_empty() { questions } else { format!("{questions}: {}", named.join("; ")) };
     let name = &view.name;
@@ -70,27 +70,28 @@ fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {
             picture(&view.materials, "Gaussians drawn in view"),
         ],
         caption,
-        rows => of_view.iter().map(|segment| row(segment, pictures)).collect::<Vec<_>>(),
+        rows => of_view.iter().map(|answer| row(answer, pictures)).collect::<Vec<_>>(),
     }
 }
 
-fn material(segment: &SegmentAnswer) -> &str {
-    match &segment.outcome {
+fn material(answer: &SubjectAnswer) -> &str {
+    match &answer.outcome {
         Outcome::Answered(answer) => &answer.material,
         Outcome::Failed(_) => "no answer",
     }
 }
 
-fn row(segment: &SegmentAnswer, pictures: &Pictures) -> Value {
-    let part = pictures.part_of(&segment.view, segment.segment);
-    let sheet = pictures.sheets.iter().find(|sheet| sheet.view == segment.view && sheet.segment == segment.segment);
+fn row(answer: &SubjectAnswer, pictures: &Pictures) -> Value {
+    let part = pictures.part_of(&answer.view, answer.subject.number());
+    let sheet =
+        pictures.sheets.iter().find(|sheet| sheet.view == answer.view && sheet.subject == answer.subject.number());
     let common = context! {
         part => part.map_or_else(String::new, |part| part.to_string()),
         color => css(part.map_or(palette::NOTHING, palette::part)),
         sheet => sheet.map(|sheet| data_uri("image/jpeg", &sheet.jpeg)),
-        material => material(segment),
+        material => material(answer),
     };
-    let own = match &segment.outcome {
+    let own = match &answer.outcome {
         Outcome::Answered(answer) => context! {
             name => part_name(&answer.caption, &answer.material),
             caption => &answer.caption,

@@ -1,14 +1,15 @@
-//! The subject of one question: a segment or part of a view, or the whole object in it, with its picture.
+//! A subject as one view shows it: a segment, a part, or the whole object, with its picture.
 
 use crate::query::question::Question;
 use crate::query::recorded::sha256::Sha256Hex;
-use crate::query::recorded::{Asked, Mask};
+use crate::query::recorded::{Mask, QuestionId};
 
-/// A segment and the picture that is sent for it.
+/// A subject as one view shows it, and the picture that is sent for it.
 #[derive(Debug, Clone, PartialEq)]
-pub struct SegmentQuery {
+pub struct ShownSubject {
     pub view: String,
-    pub segment: u16,
+    /// In the view's label map.
+    pub id: u16,
     pub photo_sha256: Sha256Hex,
     pub mask: Mask,
     /// Hash of the sheet's pixels before JPEG.
@@ -19,10 +20,10 @@ pub struct SegmentQuery {
     pub jpeg: Vec<u8>,
 }
 
-impl SegmentQuery {
-    /// The identity of `question` when asked about this segment.
-    pub fn asked(&self, question: &Question) -> Asked {
-        Asked {
+impl ShownSubject {
+    /// The identity of `question` when asked about this subject.
+    pub fn asked(&self, question: &Question) -> QuestionId {
+        QuestionId {
             view: self.view.clone(),
             photo_sha256: self.photo_sha256.clone(),
             mask: self.mask.clone(),

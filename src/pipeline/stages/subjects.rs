@@ -5,11 +5,10 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::consensus::Asked;
+use crate::consensus::AskAbout;
 use crate::error::Result;
-use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, Target};
-use crate::query::question::About;
-use crate::query::{Answers, Outcome, SegmentAnswer};
+use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, SubjectInView};
+use crate::query::{Answers, Outcome, SubjectAnswer, SubjectId};
 use crate::segment::{LabelMap, Segmentation, ViewSegments};
 use crate::vote::AnsweredPart;
 
@@ -17,17 +16,17 @@ use super::OpenScene;
 use super::consensus::{FoundPart, FoundParts, renamed};
 
 /// What the questions are about, with the label maps that show it.
-pub enum AskedAbout {
+pub enum FoundSubjects {
     Parts(Arc<FoundParts>),
     Segments(Arc<Segmentation>),
 }
 
-impl AskedAbout {
+impl FoundSubjects {
     /// What the options say; the parts must have been found.
     pub fn of(open: &OpenScene) -> Result<Self> {
         Ok(match open.options.consensus.ask {
-            Asked::Parts => Self::Parts(open.get()?),
-            Asked::Segments => Self::Segments(open.get()?),
+            AskAbout::Parts => Self::Parts(open.get()?),
+            AskAbout::Segments => Self::Segments(open.get()?),
         })
     }
 
@@ -48,10 +47,10 @@ impl AskedAbout {
     }
 
     /// The same for the text of a question.
-    pub fn about(&self) -> About {
+    pub fn about(&self) -> AskAbout {
         match self {
-            Self::Parts(_) => About::Parts,
-            Self::Segments(_) => About::Segments,
+            Self::Parts(_) => AskAbout::Parts,
+            Self::Segments(_) => AskAbout::Segments,
         }
     }
 
@@ -73,10 +72,11 @@ impl AskedAbout {
             }
         };
         let index = view_indices(open);
-        let target =
-            |answer: &SegmentAnswer| Some(Target { view: *index.get(answer.view.as_str())?, id: answer.segment });
+        let in_view = |answer: &SubjectAnswer| {
+            Some(SubjectInView { view: *index.get(answer.view.as_str())?, id: answer.subject.number() })
+        };
         let outcomes: Outcomes =
-            answers.segments.iter().filter_map(|answer| Some((target(answer)?, &answer.outcome))).collect();
+            answers.all.iter().filter_map(|answer| Some((in_view(answer)?, &answer.outcome))).collect();
         let settled = rounds::settled(&found.subjects(&index), &outcomes);
         let settled = |id: u16| settled.get(&id).copied().unwrap_or(id);
         found.maps.iter().map(|map| Cow::Owned(renamed(map, settled))).collect()
@@ -91,15 +91,15 @@ fn view_indices(open: &OpenScene) -> BTreeMap<&str, usize> {
 impl FoundParts {
     /// The parts and pieces that have answers, weighed by how many of their pixels each view shows.
     pub fn answered<'a>(&self, answers: &'a Answers) -> Vec<AnsweredPart<'a>> {
-        let shown = |answer: &SegmentAnswer| {
-            let found = self.parts.iter().find(|found| found.part.id == answer.segment)?;
-            Some(found.views.iter().find(|shown| shown.view == answer.view)?.pixels)
+        let pixels = |id: u16, view: &str| {
+            let found = self.parts.iter().find(|found| found.part.id == id)?;
+            Some(found.views.iter().find(|shown| shown.view == view)?.pixels)
         };
-        let weighed = |answer: &'a SegmentAnswer| match &answer.outcome {
-            Outcome::Answered(said) => Some((answer.segment, said, f64::from(shown(answer)?))),
-            Outcome::Failed(_) => None,
+        let weighed = |answer: &'a SubjectAnswer| match (answer.subject, &answer.outcome) {
+            (SubjectId::Part(id), Outcome::Answered(said)) => Some((id, said, f64::from(pixels(id, &answer.view)?))),
+            _ => None,
         };
-        AnsweredPart::collect(answers.segments.iter().filter_map(weighed))
+        AnsweredPart::collect(answers.all.iter().filter_map(weighed))
     }
 
     fn subjects(&self, index: &BTreeMap<&str, usize>) -> Vec<Subject> {
