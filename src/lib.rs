@@ -97,6 +97,8 @@ pub mod files;
 #[doc(hidden)]
 pub mod film;
 #[doc(hidden)]
+pub mod from_mesh;
+#[doc(hidden)]
 pub mod from_splat;
 #[doc(hidden)]
 pub mod gaussians;

@@ -166,6 +166,8 @@ pub enum ScaleSource {
     Metric,
     /// The data set's convention.
     DataSet,
+    /// The format of a mesh, which has a fixed unit.
+    Format,
     /// The user gave the factor.
     Factor,
     /// The user knows the distance between two points.

@@ -127,7 +127,9 @@ fn place() -> TempDir {
     fs::rename(scene.keep(), at("my_scene")).unwrap();
     // Copies, so that commands that work on a fixture do not interfere with a user's own results or with another test
     // run.
-    for folder in ["fixtures/hammer", "fixtures/mug", "fixtures/chair", "fixtures/table_lamp", "examples"] {
+    for folder in
+        ["fixtures/hammer", "fixtures/mug", "fixtures/chair", "fixtures/table_lamp", "fixtures/cup", "examples"]
+    {
         copy(&root().join(folder), &at(folder));
     }
     // Measurements over all commands that the paper's gripper obeys.

@@ -28,6 +28,7 @@ use gprop::query::recorded::{Recording, Recordings};
 use gprop::query::{self, Answers, LabelSet, Prompts, Queries, batch_api, exchange};
 use gprop::scene::cameras::{colmap, dataparser, gaussian_splatting, transforms};
 use gprop::scene::dataset;
+use gprop::scene::mesh::{MESH_FORMATS, PaintedMesh, sample};
 use gprop::scene::splat::dot_splat as splat;
 use gprop::scene::splat::ksplat;
 use gprop::scene::splat::ply;
@@ -46,7 +47,7 @@ pub use whole_line::whole_line;
 pub type Read = fn(&[u8]);
 
 /// Every target by its name.
-pub const TARGETS: [(&str, Read); 20] = [
+pub const TARGETS: [(&str, Read); 21] = [
     ("answers", answers),
     ("checkpoint", checkpoint),
     ("colmap", colmap),
@@ -55,6 +56,7 @@ pub const TARGETS: [(&str, Read); 20] = [
     ("ksplat", ksplat),
     ("label_map", label_map),
     ("materials", materials),
+    ("mesh", mesh),
     ("npz", npz),
     ("ply", ply),
     ("recordings", recordings),
@@ -92,6 +94,16 @@ pub fn sog(bytes: &[u8]) {
 /// SPZ of all versions, gzip and zstd streams included.
 pub fn spz(bytes: &[u8]) {
     let _ = spz::parse(bytes);
+}
+
+/// Meshes; the first byte says in which format. What is read is also sampled.
+pub fn mesh(bytes: &[u8]) {
+    let Some((which, file)) = bytes.split_first() else { return };
+    let format = &MESH_FORMATS[usize::from(*which) % MESH_FORMATS.len()];
+    if let Ok(mesh) = format.parse(file) {
+        assert!(mesh.surface.triangles.as_flattened().iter().all(|i| (*i as usize) < mesh.surface.vertices.len()));
+        let _ = PaintedMesh::new(mesh).map(|painted| sample(&painted).map(|sampled| sampled.gaussians.len()));
+    }
 }
 
 /// COLMAP's cameras, images and points, binary and text.

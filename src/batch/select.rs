@@ -7,8 +7,10 @@ use std::path::{Path, PathBuf};
 use glob::Pattern;
 
 use crate::files;
+use crate::pipeline::work_folder;
 use crate::scene::SplatFormat;
 use crate::scene::dataset::Entry;
+use crate::scene::mesh;
 use crate::words::output::{agreeing, counted};
 use crate::workdir;
 
@@ -26,6 +28,7 @@ const GAUSSIAN_BYTES: u64 = 62 * 4;
 pub struct Selected {
     /// Unique within the data set.
     pub name: String,
+    /// Its folder, or a mesh file.
     pub folder: PathBuf,
     /// Its work folder.
     pub work: PathBuf,
@@ -40,7 +43,7 @@ pub struct Selected {
 impl Selected {
     /// The work folder if it has to be named because it is not the scene's default one.
     pub(super) fn named_work(&self) -> Option<&Path> {
-        Some(self.work.as_path()).filter(|work| *work != self.folder.join(workdir::DEFAULT_NAME))
+        Some(self.work.as_path()).filter(|work| *work != work_folder(&self.folder, None))
     }
 }
 
@@ -78,8 +81,9 @@ pub fn select(
         return Err(BatchError::Reserved { scene: scene.name.clone(), folder: out.join(FOLDER) });
     }
     let selected = |entry: &Entry| {
-        let work = out.map_or_else(|| entry.folder.join(workdir::DEFAULT_NAME), |out| out.join(&entry.name));
-        let (bytes, splat_bytes) = sizes(&entry.folder, true);
+        let work = out.map_or_else(|| work_folder(&entry.folder, None), |out| out.join(&entry.name));
+        let (bytes, splat_bytes) =
+            if entry.folder.is_file() { sizes_of_mesh(&entry.folder) } else { sizes(&entry.folder, true) };
         Selected { name: entry.name.clone(), folder: entry.folder.clone(), work, bytes, splat_bytes, shard: 0 }
     };
     let mut selected: Vec<Selected> = chosen.iter().map(selected).collect();
@@ -143,6 +147,11 @@ impl Filter {
             Self::Fits(pattern) => pattern.matches(name),
         }
     }
+}
+
+/// Bytes of a mesh file, and of the Gaussians on its surface.
+fn sizes_of_mesh(path: &Path) -> (u64, u64) {
+    (fs::metadata(path).map_or(0, |meta| meta.len()), mesh::GAUSSIANS as u64 * GAUSSIAN_BYTES)
 }
 
 /// Bytes of all files below a scene's folder, and of its largest splat; files that a run writes and hidden files do not

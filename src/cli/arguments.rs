@@ -131,7 +131,7 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// Folder with a splat, cameras and photos.
+    /// Folder with a splat, cameras and photos, or a mesh (.glb, .gltf, .obj, .stl, .ply).
     pub scene: PathBuf,
     #[command(flatten)]
     pub work: WorkArgs,
@@ -140,7 +140,7 @@ pub struct SceneArgs {
 /// How a command works on its scene.
 #[derive(Debug, Clone, Args)]
 pub struct WorkArgs {
-    /// Work folder [default: SCENE/gprop]
+    /// Work folder [default: SCENE/gprop, or mug.gprop beside mug.glb]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Run this stage and those after it again, even if an earlier run did them.
@@ -156,7 +156,7 @@ pub struct WorkArgs {
 #[derive(Debug, Args)]
 #[command(after_help = GOES_ON)]
 pub struct ShowArgs {
-    /// Folder with a splat, cameras and photos; stages that the picture needs and that have not run yet are run first.
+    /// Folder with a splat, cameras and photos, or a mesh; stages that the picture needs and that have not run yet are run first.
     pub scene: PathBuf,
     /// File to write: a .png from one view, or a .gif or .mp4 (with ffmpeg) of the object on a turntable:
     /// photo colours, parts, materials and Young's modulus side by side, unless --what names another subject (not `vote`
@@ -217,7 +217,7 @@ impl clap::ValueEnum for What {
 pub struct GraspArgs {
     #[command(subcommand)]
     pub what: Option<Grasp>,
-    /// Folder with a splat, cameras and photos.
+    /// Folder with a splat, cameras and photos, or a mesh.
     #[arg(required = true)]
     pub scene: Option<PathBuf>,
     #[command(flatten)]
@@ -245,7 +245,7 @@ pub enum Grasp {
 #[derive(Debug, Args)]
 #[command(after_help = GOES_ON)]
 pub struct ExportArgs {
-    /// Folder with a splat, cameras and photos; stages that have not run yet are run first.
+    /// Folder with a splat, cameras and photos, or a mesh; stages that have not run yet are run first.
     pub scene: PathBuf,
     /// Formats to write, separated by commas.
     #[arg(long, value_enum, value_delimiter = ',', required = true)]
@@ -300,7 +300,7 @@ pub struct ViewArgs {
 
 #[derive(Debug, Args)]
 pub struct BatchArgs {
-    /// Folder with the scenes: ABO-500, MVImgNet, or any folder of scene folders.
+    /// Folder with the scenes: ABO-500, MVImgNet, or any folder of scene folders or meshes.
     pub folder: PathBuf,
     /// Last stage to run; the stages that it needs are run first.
     #[arg(long, value_name = "STAGE", default_value = "report")]
@@ -334,7 +334,7 @@ pub struct BatchArgs {
 #[derive(Debug, Args)]
 #[command(after_help = GOES_ON, group = clap::ArgGroup::new("solver_input").multiple(true))]
 pub struct SimulateArgs {
-    /// Folder with a splat, cameras and photos.
+    /// Folder with a splat, cameras and photos, or a mesh.
     #[arg(required_unless_present = "list")]
     pub scene: Option<PathBuf>,
     /// List the scenarios with their parameters, without simulating.

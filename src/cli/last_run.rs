@@ -19,6 +19,7 @@ use clap::ArgMatches;
 
 use crate::config::{self, ConfigError, Flag, Owner};
 use crate::pipeline::{self, FieldFlags, Options, Plan, Stage, work_folder};
+use crate::scene;
 use crate::words::output::one_line;
 use crate::workdir::{self, Artifact};
 
@@ -65,7 +66,7 @@ pub fn flags(
 ) -> Result<Vec<OsString>, ConfigError> {
     let Some((to, option)) = going_on(command.get_name()) else { return Ok(Vec::new()) };
     let named = matches.try_get_one::<PathBuf>(option).ok().flatten();
-    let root = work_folder(scene, named.map(PathBuf::as_path));
+    let (home, root) = (scene::home(scene), work_folder(scene, named.map(PathBuf::as_path)));
     if named.is_none() && workdir::refuse_link(&root, "--out").is_err() {
         return Ok(Vec::new());
     }
@@ -79,7 +80,7 @@ pub fn flags(
         if flag.name != "scenario" && typed.iter().any(|typed| config::name_of(typed) == flag.name) {
             continue;
         }
-        flags.push(taken_back(flag, value, scene, owner).ok_or_else(|| ConfigError::NotFromLastRun {
+        flags.push(taken_back(flag, value, &home, owner).ok_or_else(|| ConfigError::NotFromLastRun {
             path: path.clone(),
             flag: shown(&text).into_owned(),
             name: flag.name.clone(),
@@ -120,12 +121,12 @@ fn taken_back(flag: &Flag, value: &str, scene: &Path, owner: Owner) -> Option<Os
 
 /// The flags that a run on `scene` leaves in `run.json`, if `flags` are those that it was given.
 pub fn recorded(flags: &[OsString], scene: &Path, known: &[Flag]) -> FieldFlags {
-    let mut recorded = FieldFlags::new();
+    let (mut recorded, home) = (FieldFlags::new(), scene::home(scene));
     for flag in flags {
         // A path that is not Unicode has no place in JSON.
         let Some((of, value)) = flag.to_str().and_then(|text| parsed(text, known)) else { continue };
         let text = if of.takes_value && of.is_path(value) {
-            config::portable(Path::new(value), scene).to_str().map(|path| format!("--{}={path}", of.name))
+            config::portable(Path::new(value), &home).to_str().map(|path| format!("--{}={path}", of.name))
         } else {
             flag.to_str().map(str::to_owned)
         };

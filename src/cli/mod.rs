@@ -27,6 +27,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result, UsageError};
 use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
+use crate::scene::mesh::is_mesh;
 use crate::words::output;
 use crate::words::progress::Progress;
 use crate::{config, exit, inspect};
@@ -74,7 +75,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         }
         Command::Report(args) => view::report(global, args),
         Command::View(args) => view::view(global, args),
-        Command::Segment(args) if args.scene.is_file() => picture::segment(global, args),
+        Command::Segment(args) if is_picture(&args.scene) => picture::segment(global, args),
         Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
         Command::Query(args) => query::query(global, args),
         Command::Vote(args) => scene::run(global, &args.scene, &args.work, Stage::Vote),
@@ -102,6 +103,11 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Command::Man { out: None } => manual::page(global),
         Command::Man { out: Some(folder) } => manual::pages(global, folder),
     }
+}
+
+/// True if the user named a single picture instead of a scene: a file that is no mesh.
+fn is_picture(scene: &Path) -> bool {
+    scene.is_file() && !is_mesh(scene)
 }
 
 /// The program's clap command: all arguments, with their help.

@@ -19,7 +19,7 @@ use crate::words::shell;
 use crate::workdir::Artifact;
 
 use super::arguments::BatchApiStep;
-use super::{Global, QueryArgs, print, shown};
+use super::{Global, QueryArgs, is_picture, print, shown};
 use super::{picture, scene};
 use crate::words::output::counted;
 
@@ -40,7 +40,7 @@ struct DryPicture {
 
 /// Runs the command.
 pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
-    if args.scene.scene.is_file() {
+    if is_picture(&args.scene.scene) {
         return of_picture(global, args);
     }
     if args.mask.is_some() {

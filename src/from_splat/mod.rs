@@ -1,5 +1,5 @@
-//! Data derived from the splat itself: the foreground of photos without alpha or masks, and whole views if there are no
-//! photos.
+//! Data derived from the object itself: the foreground of photos without alpha or masks, from the splat, and whole views if
+//! there are no photos, from the splat or the mesh.
 
 mod foreground;
 mod orbit;

@@ -20,11 +20,12 @@ use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
+use tempfile::TempDir;
 
 use crate::error::UsageError;
-use crate::files::write;
-use crate::from_splat::photo_with_foreground;
-use crate::scene::{self, Bounds, ForegroundSource, ObjectSource, Options, Scene, SceneError, View};
+use crate::files::write::{self, Folder};
+use crate::from_splat::{photo_with_foreground, render_views};
+use crate::scene::{self, Bounds, ForegroundSource, MeshCounts, ObjectSource, Options, Scene, SceneError, View};
 use crate::units::MetricScale;
 use crate::words::output::one_line;
 use crate::words::progress::Progress;
@@ -47,6 +48,8 @@ pub struct Inspection {
     /// Number of the object's Gaussians.
     pub object_gaussians: usize,
     pub object_source: ObjectSource,
+    /// What the mesh consists of, if the scene is one; its views are drawn of it.
+    pub mesh: Option<MeshCounts>,
     pub sh_degree: u8,
     pub antialiased: bool,
     pub extent: Extent,
@@ -108,7 +111,7 @@ pub struct ViewFit {
 /// The arguments of `gprop inspect`.
 #[derive(Debug, Clone, clap::Args)]
 pub struct Args {
-    /// Folder with a splat, and with photos and cameras if there are any.
+    /// Folder with a splat, and with photos and cameras if there are any; or a mesh.
     pub scene: PathBuf,
     /// Also write a self-contained HTML page with photos and splat side by side.
     #[arg(long, value_name = "FILE")]
@@ -151,10 +154,10 @@ impl Inspection {
 /// # Errors
 /// [`SceneError`] as in [`inspect`], or an error if the page cannot be written.
 pub fn command(args: &Args, only_chosen: bool, progress: Progress) -> Result<(Inspection, String), InspectError> {
-    let (inspection, (scene, views)) = inspect_and_draw(&args.scene, &args.options, only_chosen, progress)?;
+    let (inspection, shown) = inspect_and_draw(&args.scene, &args.options, only_chosen, progress)?;
     let mut text = to_text(&inspection);
     if let Some(path) = &args.html {
-        let page = to_html(&inspection, &scene, &views)?;
+        let page = to_html(&inspection, &shown.scene, &shown.views)?;
         write::file(path, |out| out.write_all(page.as_bytes()))
             .map_err(|reason| UsageError(format!("--html: cannot write {path:?}: {reason}")))?;
         text.push_str(&format!("page        {}\n", one_line(&path.to_string_lossy())));
@@ -170,15 +173,24 @@ pub fn inspect(folder: &Path, options: &Options, progress: Progress) -> Result<I
     inspect_and_draw(folder, options, false, progress).map(|(inspection, _)| inspection)
 }
 
+/// What the page shows: the scene and the views that were compared.
+struct ShownOnPage {
+    scene: Scene,
+    views: Vec<View>,
+    /// The pictures that were drawn of a mesh, which go when nothing needs them any more.
+    _pictures: Option<TempDir>,
+}
+
 /// As [`inspect`], but if `only_chosen` is true, only the views that the options choose are compared. Also returns what
-/// the page needs: the scene and the views that were compared.
+/// the page needs.
 fn inspect_and_draw(
     folder: &Path,
     options: &Options,
     only_chosen: bool,
     progress: Progress,
-) -> Result<(Inspection, (Scene, Vec<View>)), SceneError> {
+) -> Result<(Inspection, ShownOnPage), SceneError> {
     let mut scene = load(folder, options)?;
+    let pictures = draw_mesh(&mut scene, options)?;
     if let Some((scale, warnings)) = scene.scale_in_photos(&options.scale)? {
         scene.scale = Some(scale);
         scene.warnings.extend(warnings);
@@ -189,7 +201,8 @@ fn inspect_and_draw(
     };
     let fits = compare::compare(&scene, &views, progress)?;
     scene.warnings.extend(quaternions::warning(&scene, &views, &fits, options)?);
-    let verdict = verdict::of(&scene, &views, &fits)?;
+    // Views that are drawn of the mesh line up with what is sampled on it.
+    let verdict = if scene.mesh.is_none() { verdict::of(&scene, &views, &fits)? } else { None };
     let suggestion = match &verdict {
         Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, &fits, verdict)?,
         _ => None,
@@ -202,6 +215,7 @@ fn inspect_and_draw(
         gaussians: scene.gaussians.len() + scene.surroundings.len(),
         object_gaussians: scene.gaussians.len(),
         object_source: scene.object_source,
+        mesh: scene.mesh.as_ref().map(|mesh| mesh.counts()),
         sh_degree: scene.gaussians.sh_degree,
         antialiased: scene.gaussians.antialiased,
         extent: scene.object_bounds().into(),
@@ -212,7 +226,17 @@ fn inspect_and_draw(
         aligned: verdict.map(|verdict| verdict.aligned),
         suggestion,
     };
-    Ok((inspection, (scene, views)))
+    Ok((inspection, ShownOnPage { scene, views, _pictures: pictures }))
+}
+
+/// Draws the views of a mesh into a folder of their own; nothing for other scenes.
+fn draw_mesh(scene: &mut Scene, options: &Options) -> Result<Option<TempDir>, SceneError> {
+    let Some(count) = scene.views_to_render(options).filter(|_| scene.mesh.is_some()) else { return Ok(None) };
+    let cannot = |reason| SceneError::Io { path: std::env::temp_dir(), reason };
+    let pictures = tempfile::tempdir().map_err(cannot)?;
+    let write_to = Folder::open(pictures.path()).map_err(cannot)?;
+    render_views(scene, count.get(), pictures.path(), Some(&write_to)).map_err(cannot)?;
+    Ok(Some(pictures))
 }
 
 /// Loads the scene, without views if it has no cameras or no photos.

@@ -109,6 +109,9 @@ fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
 
 pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
     match (inspection.aligned, &inspection.suggestion) {
+        (None, _) if inspection.mesh.is_some() => {
+            vec![("drawn", "the views are drawn of the mesh and compared with the Gaussians on its surface".to_owned())]
+        }
         (None, _) => vec![(
             "",
             "Without photos gprop can only inspect the splat; all commands that run stages, such as `gprop run`, need \

@@ -35,7 +35,7 @@ impl Builder {
         }
     }
 
-    /// The work folder; by default `gprop/` in the scene's folder.
+    /// The work folder; by default `gprop/` in the scene's folder, or beside a mesh, named after it.
     pub fn out(self, folder: impl AsRef<Path>) -> Self {
         Self { out: Some(folder.as_ref().to_owned()), ..self }
     }

@@ -72,8 +72,8 @@ pub struct Pipeline {
 }
 
 impl Pipeline {
-    /// Opens the scene in `folder`: a splat, cameras and photos, as for `gprop run`. The options are
-    /// [`Options::of_scene`], the work folder is `folder`/gprop.
+    /// Opens the scene in `folder`: a splat, cameras and photos, as for `gprop run`, or a mesh file. The options are
+    /// [`Options::of_scene`], the work folder is `folder`/gprop, or beside a mesh, named after it (`mug.gprop/`).
     ///
     /// # Errors
     /// As for [`Builder::open`].
@@ -193,7 +193,10 @@ fn metric<T>(found: Result<Option<T>>) -> Result<T, Error> {
     found.and_then(|found| Ok(found.ok_or(PartsError::ScaleUnknown)?))
 }
 
-/// The work folder of the scene in `scene`.
+/// The work folder of the scene in `scene`: by default `gprop/` in its folder, or beside a mesh, named after it.
 pub fn work_folder(scene: &Path, out: Option<&Path>) -> PathBuf {
-    out.map_or_else(|| scene.join(workdir::DEFAULT_NAME), Path::to_owned)
+    let default = || {
+        if scene.is_file() { scene.with_extension(workdir::DEFAULT_NAME) } else { scene.join(workdir::DEFAULT_NAME) }
+    };
+    out.map_or_else(default, Path::to_owned)
 }

@@ -4,7 +4,7 @@
 //! `blend` passes the weight of every splat on every pixel to a [`Sink`]: `color` sums colour, alpha and depth,
 //! `labels` finds the label that owns a pixel, [`contributions`](fn@contributions) the contribution of each Gaussian
 //! to the pixels of each label, [`depth_test`] the surface and the Gaussians on it. `sh` and [`sh_rotation`] evaluate
-//! and rotate spherical harmonics. The same input gives the same bytes on any number of threads: every sum belongs to
+//! and rotate spherical harmonics. [`triangles`] draws meshes. The same input gives the same bytes on any number of threads: every sum belongs to
 //! one tile, and a tile is always blended in the same order.
 
 mod blend;
@@ -16,6 +16,7 @@ mod project;
 mod sh;
 pub mod sh_rotation;
 mod tiles;
+pub mod triangles;
 
 use image::{Rgba, RgbaImage};
 use rayon::prelude::*;

@@ -3,7 +3,7 @@
 //! ```text
 //! ABO-500, as NeRF2Physics lays it out        MVImgNet                         anything else
 //! FOLDER/scenes/ASIN_MARKET/images/           FOLDER/CLASS/INSTANCE/images/    FOLDER/NAME/ with a splat or cameras
-//!                           transforms.json                         sparse/0/
+//!                           transforms.json                         sparse/0/  FOLDER/NAME.glb and other meshes
 //! FOLDER/splits.json
 //! FOLDER/filtered_product_weights.json
 //! ```
@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::{SceneError, cameras};
 use crate::files;
 use crate::files::read_scope::ReadScope;
+use crate::scene::mesh::{MESH_FORMATS, MeshFormat, is_mesh};
 use crate::scene::splat::find as splat_file;
 use crate::units::{MetricScale, ScaleSource};
 use crate::words::output::{agreeing, counted};
@@ -42,6 +43,7 @@ pub enum Layout {
 pub struct Entry {
     /// Unique within the data set, with `/` between class and instance.
     pub name: String,
+    /// Its folder, or a mesh file.
     pub folder: PathBuf,
     /// `train`, `val`, `test`, or the data set's own name for it.
     pub split: Option<String>,
@@ -205,10 +207,35 @@ fn plain(folder: &Path) -> Listed {
     let is_scene = |folder: &Path| has_splat(folder) || has_cameras(folder);
     let entry = |name: String| Entry { folder: folder.join(&name), split: None, class: None, mass_kg: None, name };
     let Folders { names, skipped } = folders_in(folder);
+    let mut scenes: Vec<Entry> = names.into_iter().map(entry).filter(|entry| is_scene(&entry.folder)).collect();
+    scenes.extend(meshes_in(folder));
+    scenes.sort_by(|a, b| a.name.cmp(&b.name));
     Listed {
-        scenes: names.into_iter().map(entry).filter(|entry| is_scene(&entry.folder)).collect(),
+        scenes,
         skipped: skipped.iter().filter(|name| is_scene(&folder.join(name))).map(|name| printable(name)).collect(),
     }
+}
+
+/// The meshes in a folder, each named like its file without the ending. Of several with one name, such as the forms in which
+/// one object is offered, the first by the table of formats counts.
+fn meshes_in(folder: &Path) -> Vec<Entry> {
+    let rank = |name: &str| {
+        let format = MeshFormat::of(Path::new(name));
+        MESH_FORMATS.iter().position(|known| format.is_some_and(|format| format.ending == known.ending))
+    };
+    let mut files: Vec<(usize, String)> =
+        splat_file::names_in(folder).into_iter().filter_map(|name| Some((rank(&name)?, name))).collect();
+    files.retain(|(_, name)| !name.starts_with('.') && folder.join(name).is_file() && is_mesh(&folder.join(name)));
+    files.sort();
+    let mut seen = HashSet::new();
+    let mut entries = Vec::new();
+    for (_, file) in files {
+        let name = file.rsplit_once('.').map_or(file.clone(), |(stem, _)| stem.to_owned());
+        if seen.insert(name.clone()) {
+            entries.push(Entry { folder: folder.join(&file), split: None, class: None, mass_kg: None, name });
+        }
+    }
+    entries
 }
 
 /// True if gprop wrote this splat: it lies in a work folder, under the name of a result. (If a folder holds another splat,

@@ -8,7 +8,9 @@ use super::cameras::{FrameProblem, colmap};
 use super::splat::{dot_splat, ksplat, sog, spz};
 use crate::config::option_values::OptionError;
 use crate::files::json;
+use crate::scene::mesh::{self, MeshError};
 use crate::scene::object::outliers::AllSetAside;
+use crate::scene::reference::Outside;
 use crate::scene::splat::ply::PlyError;
 use crate::words::output::counted;
 use crate::words::shell;
@@ -28,8 +30,15 @@ pub enum SceneError {
     Option(#[from] OptionError),
     #[error("no such scene folder: `{}`; give the folder that holds the photos, cameras and splat", path.display())]
     NoFolder { path: PathBuf },
-    #[error("`{}` is a file; give the folder that holds the photos, cameras and splat", path.display())]
+    #[error(
+        "`{}` is a file but not a mesh that gprop reads ({}, with faces); give one, or the folder that holds the photos, cameras \
+         and splat",
+        path.display(),
+        mesh::endings()
+    )]
     NotAFolder { path: PathBuf },
+    #[error("{flag} is for scenes with a splat and photos; a mesh has none of these, so leave it out")]
+    NotForMeshes { flag: &'static str },
     #[error("cannot read `{}`: {reason}", path.display())]
     Io { path: PathBuf, reason: std::io::Error },
     #[error(
@@ -50,6 +59,8 @@ pub enum SceneError {
     ManyScenes { folder: PathBuf, count: usize, first: PathBuf },
     #[error("`{}`: {problem}", path.display())]
     Splat { path: PathBuf, problem: SplatProblem },
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
     #[error(transparent)]
     AllSetAside(#[from] AllSetAside),
     #[error(transparent)]
@@ -145,7 +156,7 @@ pub enum SceneError {
     )]
     MaskOfOnes { path: PathBuf },
     #[error("{0}")]
-    Outside(Box<Outside>),
+    Outside(#[from] Box<Outside>),
     #[error("no view is named `{name}`; {}", views_known(known))]
     UnknownView { name: String, known: Vec<String> },
 }
@@ -175,30 +186,6 @@ pub struct Held {
     pub count: usize,
     /// False if it lies outside of what may be read.
     pub may_be_listed: bool,
-}
-
-/// A file that a scene refers to but that is not in its folder.
-#[derive(Debug, Error)]
-#[error(
-    "{what} `{}`{} lies outside the scene folder, at `{}`, and gprop reads nothing outside it that you did not name. If you trust it, \
-     add {}`--allow-read {}`; or copy it into the scene folder",
-    path.display(),
-    named_in.as_deref().map(|file| format!(", which `{}` names,", file.display())).unwrap_or_default(),
-    leads_to.display(),
-    flag.as_ref().map(|(flag, path)| format!("`{flag} {}` or ", shell::path(path))).unwrap_or_default(),
-    shell::path(allow)
-)]
-pub struct Outside {
-    pub what: &'static str,
-    pub path: PathBuf,
-    /// The file that refers to it.
-    pub named_in: Option<PathBuf>,
-    pub leads_to: PathBuf,
-    /// The folder that would have to be allowed: the path's target if that is a folder, else the folder that holds the
-    /// target.
-    pub allow: PathBuf,
-    /// A flag by which it can be allowed, with its value.
-    pub flag: Option<(&'static str, PathBuf)>,
 }
 
 impl SceneError {

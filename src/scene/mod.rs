@@ -9,6 +9,8 @@
 //! 5. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is sought only by [`Scene::scale_in_photos`].
 //! 6. `object::up` warns if the cameras suggest that another axis than z points up.
 //!
+//! A scene may be a mesh instead, a single file: `of_mesh` loads it.
+//!
 //! [`Scene::chosen_views`] picks the views to work on; [`View::photo`] decodes one; [`dataset`] lists the scenes of a
 //! data set.
 
@@ -17,6 +19,7 @@ pub mod dataset;
 mod error;
 pub mod mesh;
 pub mod object;
+mod of_mesh;
 mod options;
 mod photos;
 mod reference;
@@ -24,7 +27,9 @@ mod scale;
 pub mod splat;
 
 use std::borrow::Cow;
+use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::camera::Camera;
 use crate::files;
@@ -37,6 +42,7 @@ pub use crate::gaussians::bounds::Bounds;
 pub(crate) use crate::gaussians::bounds::robust_bounds;
 pub use error::{SceneError, SplatProblem};
 pub use object::ObjectSource;
+pub use of_mesh::{MeshCounts, SceneMesh};
 pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
 pub use photos::mask_color::{MaskChoice, MaskColor};
 pub(crate) use photos::view_names::index_of;
@@ -55,10 +61,12 @@ const MOST_ERROR: f64 = 0.9;
 /// The contents of a scene folder.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// The folder's name.
+    /// The folder's name; of a mesh, its file's without the ending.
     pub name: String,
     /// The object's Gaussians; those that are set aside are marked.
     pub gaussians: Gaussians,
+    /// The mesh on whose surface the Gaussians lie, if the scene is a mesh.
+    pub mesh: Option<Arc<SceneMesh>>,
     /// The Gaussians that are not the object's; none if the splat shows the object alone.
     pub surroundings: Gaussians,
     /// How the two were told apart.
@@ -108,6 +116,12 @@ impl Scene {
         robust_bounds(&self.gaussians)
     }
 
+    /// How many views have to be rendered, since there are no photos: as many as the options say; of a mesh, as many as are
+    /// used. `None` if there are photos.
+    pub fn views_to_render(&self, options: &Options) -> Option<NonZeroUsize> {
+        options.render_views.or_else(|| self.mesh.as_ref().map(|_| options.views))
+    }
+
     /// The cameras of all views, in their order.
     pub fn cameras(&self) -> Vec<Camera> {
         self.views.iter().map(|view| view.camera.clone()).collect()
@@ -115,12 +129,16 @@ impl Scene {
 }
 
 /// Loads the scene in `folder`: the splat, the cameras, and the size of each photo. With [`Options::render_views`]
-/// there are no views yet; they are rendered from the splat.
+/// there are no views yet; they are rendered from the splat. If `folder` is a mesh file, the scene is made of it, and its
+/// views are rendered too.
 ///
 /// # Errors
 /// [`SceneError`], which says what is missing or broken, where, and what to do.
 pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     options.check()?;
+    if mesh::is_mesh(folder) && folder.is_file() {
+        return of_mesh::load(folder, options);
+    }
     check_is_folder(folder)?;
     let mut found = Found::default();
     let splat_path = found.splat(folder, options)?;
@@ -162,6 +180,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         name: name_of(folder),
         scale,
         gaussians: object,
+        mesh: None,
         surroundings: separated.surroundings,
         object_source: separated.source,
         views,
@@ -171,6 +190,11 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
         notes: found.notes,
         warnings: found.warnings,
     })
+}
+
+/// The folder of a scene: of a mesh file, the one that holds it.
+pub fn home(scene: &Path) -> PathBuf {
+    if scene.is_dir() { scene.to_owned() } else { scene.parent().unwrap_or(scene).to_owned() }
 }
 
 /// Refuses what is not a folder.

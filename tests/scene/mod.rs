@@ -26,6 +26,8 @@ mod solid;
 mod marker;
 // Round trips with splat-transform.
 mod peer;
+// Meshes of every format, good and bad.
+mod mesh;
 // Photos: colour types, alpha, size.
 mod photo;
 // PLY files of every kind, good and bad.

@@ -178,10 +178,8 @@ fn measure(
 
 /// Refuses ground truth in a scene's folder that leads out of the folder.
 fn check_truth(path: &Path, scope: &ReadScope) -> Result<(), SceneError> {
-    let reached = scope.leads_out_below(path).map(|(path, _)| path);
-    let check =
-        |path: PathBuf| scene::Reference { what: "ground truth", path: &path, named_in: None, flag: None }.check(scope);
-    reached.map_or(Ok(()), check)
+    let Some((path, _)) = scope.leads_out_below(path) else { return Ok(()) };
+    Ok(scene::Reference { what: "ground truth", path: &path, named_in: None, flag: None }.check(scope)?)
 }
 
 fn one_scene_only(scenes: usize, out: Option<&Path>) -> Result<(), UsageError> {

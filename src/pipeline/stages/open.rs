@@ -20,7 +20,9 @@ use crate::workdir::WorkDir;
 
 /// A scene with its options and its work folder, whose lock it holds. Stages only read it.
 pub struct OpenScene {
-    /// The scene's folder.
+    /// The scene as the user named it: its folder, or a mesh file.
+    pub path: PathBuf,
+    /// The scene's folder, or that of the mesh.
     pub folder: PathBuf,
     pub work: WorkDir,
     pub options: Options,
@@ -59,12 +61,12 @@ struct Kept(Mutex<Results>);
 type Results = BTreeMap<TypeId, (Stage, Arc<dyn Any + Send + Sync>)>;
 
 impl OpenScene {
-    /// The scene in `folder`, with its chosen views; they are rendered if the options say so.
+    /// The scene at `path`, with its chosen views; they are rendered if it is a mesh or the options say so.
     ///
     /// # Errors
     /// If an option does not fit the scene, or views cannot be rendered.
     pub fn new(
-        folder: &Path,
+        path: &Path,
         work: WorkDir,
         mut scene: Scene,
         Tools { library, gripper }: Tools,
@@ -72,7 +74,7 @@ impl OpenScene {
         watcher: Watcher,
     ) -> Result<Self> {
         check_formats(&options.segment.also)?;
-        if let Some(count) = options.scene.render_views {
+        if let Some(count) = scene.views_to_render(&options.scene) {
             let below = Path::new("rendered").join(rendering_key(&scene, &options.scene)?);
             let folder = work.root().join(&below);
             let cannot = |error| UsageError(format!("cannot write views into {folder:?}: {error}"));
@@ -80,7 +82,8 @@ impl OpenScene {
             from_splat::render_views(&mut scene, count.get(), &folder, write_to.as_ref()).map_err(cannot)?;
         }
         Ok(Self {
-            folder: folder.to_owned(),
+            path: path.to_owned(),
+            folder: scene::home(path),
             work,
             library,
             gripper,
@@ -91,6 +94,11 @@ impl OpenScene {
             number: None,
             kept: Kept::default(),
         })
+    }
+
+    /// The folder that holds the scene's recordings: its own, or a mesh's work folder, since other meshes may lie beside it.
+    pub(crate) fn home_of_recordings(&self) -> &Path {
+        if self.scene.mesh.is_some() { self.work.root() } else { &self.folder }
     }
 
     /// Where to tell progress.
@@ -150,7 +158,7 @@ impl Kept {
     }
 }
 
-/// Hash of everything that pictures rendered from the splat depend on, short enough for a folder's name.
+/// Hash of everything that pictures rendered from the splat or the mesh depend on, short enough for a folder's name.
 fn rendering_key(scene: &Scene, options: &scene::Options) -> Result<String> {
     let mut hasher = Hasher::new("rendered").with_json(&without_paths(options));
     for path in &scene.files {

@@ -57,7 +57,7 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
     if let Some(fields) = &options.lmm_body {
         hasher = hasher.with(&file_digest(fields).unwrap_or_default());
     }
-    for folder in query_session::recording_folders(options, &open.folder) {
+    for folder in query_session::recording_folders(options, open.home_of_recordings()) {
         for path in recordings_in(&folder) {
             hasher = hasher
                 .with(path.file_name().unwrap_or_default().as_encoded_bytes())
@@ -136,14 +136,14 @@ pub fn session<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a O
             Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: about.maps(number) })
         });
     let views = views.collect::<Result<_>>()?;
-    let scope = open.options.scene.read_scope(&open.folder);
-    query_session::check_recordings(options, &open.folder, &open.work, scope)?;
+    let home = open.home_of_recordings();
+    query_session::check_recordings(options, home, &open.work, open.options.scene.read_scope(home))?;
     let network = open.options.setup.network();
     let (subjects, ask_views) = about.subjects(open);
     let asks_size = open.options.scene.scale == ScaleChoice::Estimate;
     let size_in = if asks_size { fullest_view(open) } else { None };
     let subjects = Subjects { views, subjects, ask_views, about: about.about(), size_in };
-    QuerySession::new(options, subjects, &open.library, &open.folder, &open.work, network, open.progress())
+    QuerySession::new(options, subjects, &open.library, home, &open.work, network, open.progress())
 }
 
 /// Estimates what a query would send, and its cost.

@@ -121,13 +121,14 @@ fn stage_time(stage: &StageRecord) -> StageTime {
 
 /// The command line that reproduces this result from the folder above the scene's.
 fn command(open: &OpenScene, job: &Job) -> String {
-    let scene = open.folder.canonicalize().unwrap_or_else(|_| open.folder.clone());
+    let scene = open.path.canonicalize().unwrap_or_else(|_| open.path.clone());
     let (above, known) = (scene.parent().unwrap_or(&scene), known_flags());
+    let name = scene.file_name().map_or(Path::new(&open.scene.name), Path::new);
     let left_out = (!job.simulates).then_some("--no-simulate");
     let flags = job.flags.iter().map(|flag| as_typed_in(above, flag, &known));
     let flags = left_out.map(Cow::Borrowed).into_iter().chain(flags);
     let words = flags.map(|flag| format!(" {}", shell::word(&flag)));
-    format!("gprop run {}{}", shell::path(Path::new(&open.scene.name)), words.collect::<String>())
+    format!("gprop run {}{}", shell::path(name), words.collect::<String>())
 }
 
 fn inputs(open: &OpenScene) -> Result<Vec<InputFile>> {

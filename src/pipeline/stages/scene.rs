@@ -90,8 +90,8 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
         warnings.extend(of_scale);
         scale
     });
-    // Views that are rendered from the splat fit it.
-    let misfit = match options.render_views {
+    // Views that are rendered from the splat or the mesh fit it.
+    let misfit = match scene.views_to_render(options) {
         None => inspect::misfit(scene, &open.views)?,
         Some(_) => None,
     };

@@ -31,7 +31,7 @@ impl CameraSource {
         files.iter().try_for_each(|path| {
             let named_in = (!found_inside).then_some(cfg_args.as_path());
             let flag = Some(("--cameras", self.path.as_path()));
-            Reference { what: "camera file", path, named_in, flag }.check(scope)
+            Ok(Reference { what: "camera file", path, named_in, flag }.check(scope)?)
         })
     }
 }
@@ -268,7 +268,7 @@ impl<'a> Places<'a> {
         }
         let training = self.training.as_ref().filter(|(_, data)| folder.starts_with(data));
         let named_in = Some(training.map_or(camera_file, |(cfg_args, _)| cfg_args));
-        Reference { what: "photo", path, named_in, flag: Some(("--images", folder)) }.check(&self.scope)
+        Ok(Reference { what: "photo", path, named_in, flag: Some(("--images", folder)) }.check(&self.scope)?)
     }
 
     /// Refuses a mask that is outside of what may be read.
@@ -277,7 +277,7 @@ impl<'a> Places<'a> {
             return Ok(());
         }
         let flag = path.parent().map(|folder| ("--masks", folder));
-        Reference { what: "mask", path, named_in, flag }.check(&self.scope)
+        Ok(Reference { what: "mask", path, named_in, flag }.check(&self.scope)?)
     }
 }
 

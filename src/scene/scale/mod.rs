@@ -5,6 +5,7 @@
 //! against what can be photographed and what can be moved.
 
 pub(super) mod marker;
+pub(super) mod unit;
 
 use std::fmt;
 use std::str::FromStr;

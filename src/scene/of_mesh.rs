@@ -1,0 +1,139 @@
+//! A scene from a mesh instead of a splat: its surface sampled into flat Gaussians, its scale by the format. It has no views
+//! yet; they are drawn of the mesh once there is a folder for them.
+
+use std::fmt;
+use std::path::Path;
+use std::sync::Arc;
+
+use nalgebra::Point3;
+use serde::Serialize;
+
+use super::cameras::Registered;
+use super::cameras::align::{Align, Conversion};
+use super::mesh::{self, Axes, Mesh, MeshError, PaintedMesh, sample};
+use super::{ObjectSource, Options, Scene, SceneError, scale};
+use crate::gaussians::Gaussians;
+use crate::gaussians::bounds::longest_side;
+use crate::units::{MetricScale, ScaleSource};
+use crate::words::output::{counted, thousands};
+
+/// The mesh of a scene, with the triangles on which its Gaussians lie.
+#[derive(Debug, Clone)]
+pub struct SceneMesh {
+    pub painted: PaintedMesh,
+    /// For each of the scene's Gaussians, the index of its triangle.
+    pub triangle_of_gaussian: Vec<u32>,
+}
+
+/// Loads the mesh at `path` as a scene.
+pub(super) fn load(path: &Path, options: &Options) -> Result<Scene, SceneError> {
+    refuse_options_of_photos(options)?;
+    let in_file = |problem| MeshError { path: path.to_owned(), problem };
+    let mesh = mesh::read(path, Axes::ZUp, &options.read_scope(&super::home(path)))?;
+    let stated = mesh.meters_per_unit.map(|meters_per_unit| MetricScale {
+        meters_per_unit,
+        source: ScaleSource::Format,
+        provenance: "glTF is in metres".to_owned(),
+        range: None,
+    });
+    let mut notes = vec![format!("mesh: {}", MeshCounts::of(&mesh))];
+    notes.extend(mesh.notes.iter().cloned());
+    let mut warnings = mesh.warnings.clone();
+    let files = mesh.files.clone();
+    let painted = PaintedMesh::new(mesh).map_err(in_file)?;
+    let sampled = sample(&painted).map_err(in_file)?;
+    let measured = scale::Measured { object: &sampled.gaussians, views: &[], data_set: stated };
+    let (scale, unusual) = options.scale.metric_scale(&measured)?;
+    let longest = longest_side(&sampled.gaussians);
+    match &scale {
+        Some(scale) => warnings.extend(unusual.map(|warning| {
+            let hint = scale::unit::likely(longest, Some(scale.meters_per_unit));
+            hint.map_or(warning.clone(), |hint| format!("{warning} {hint}"))
+        })),
+        None => warnings.push(scale::unit::unstated(longest)),
+    }
+    Ok(Scene {
+        name: path.file_stem().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+        gaussians: sampled.gaussians,
+        mesh: Some(Arc::new(SceneMesh { painted, triangle_of_gaussian: sampled.triangles })),
+        surroundings: Gaussians::default(),
+        object_source: ObjectSource::Whole,
+        views: Vec::new(),
+        conversion: Conversion::default(),
+        registered: Registered::default(),
+        scale,
+        files,
+        notes,
+        warnings,
+    })
+}
+
+/// A mesh has no photos, cameras or masks, and is all object.
+fn refuse_options_of_photos(options: &Options) -> Result<(), SceneError> {
+    let given = [
+        (options.splat.is_some(), "--splat"),
+        (options.cameras.is_some(), "--cameras"),
+        (options.images.is_some(), "--images"),
+        (options.masks.is_some(), "--masks"),
+        (options.align != Align::default(), "--align"),
+        (options.object_box.is_some(), "--object-box"),
+    ];
+    match given.into_iter().find(|(is_given, _)| *is_given) {
+        Some((_, flag)) => Err(SceneError::NotForMeshes { flag }),
+        None => Ok(()),
+    }
+}
+
+/// What a mesh consists of, without any names.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub struct MeshCounts {
+    pub triangles: usize,
+    pub vertices: usize,
+    pub pieces: usize,
+    pub materials: usize,
+    pub textures: usize,
+}
+
+impl MeshCounts {
+    fn of(mesh: &Mesh) -> Self {
+        Self {
+            triangles: mesh.surface.triangles.len(),
+            vertices: mesh.surface.vertices.len(),
+            pieces: mesh.pieces,
+            materials: mesh.materials.len(),
+            textures: mesh.pictures.len(),
+        }
+    }
+}
+
+impl fmt::Display for MeshCounts {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{} triangles, {} vertices, {}, {}, {}",
+            thousands(self.triangles as u64),
+            thousands(self.vertices as u64),
+            counted(self.pieces, "piece"),
+            counted(self.materials, "material"),
+            counted(self.textures, "texture"),
+        )
+    }
+}
+
+impl SceneMesh {
+    /// What the mesh consists of.
+    pub fn counts(&self) -> MeshCounts {
+        MeshCounts::of(&self.painted.mesh)
+    }
+
+    /// The centre of the box around all triangles, and the greatest distance of a corner from it.
+    pub fn bounding_sphere(&self) -> (Point3<f64>, f64) {
+        let surface = &self.painted.mesh.surface;
+        let corners =
+            || surface.triangles.as_flattened().iter().map(|vertex| Point3::from(surface.vertices[*vertex as usize]));
+        let empty = (Point3::from([f64::INFINITY; 3]), Point3::from([f64::NEG_INFINITY; 3]));
+        let (min, max) = corners().fold(empty, |(min, max), corner| (min.inf(&corner), max.sup(&corner)));
+        let center = nalgebra::center(&min, &max);
+        (center, corners().map(|corner| (corner - center).norm()).fold(0.0, f64::max))
+    }
+}
