@@ -158,5 +158,11 @@ fn every_row_of_the_readme_works() {
     std::fs::remove_dir_all(scene.path("images")).unwrap();
     std::fs::remove_file(scene.path("transforms.json")).unwrap();
     assert_eq!(views(&run(next(), &scene.path(""), &[])), 6);
+
+    // A mesh; its own work folder is beside it.
+    let folder = tempfile::tempdir().unwrap();
+    let mesh = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/cup/cup.glb");
+    let command = format!("{} --out {}", next(), folder.path().join("gprop").display());
+    assert_eq!(views(&run(&command, folder.path(), &[("mug.glb", mesh)])), 10);
     assert!(rows.next().is_none(), "a row without a case");
 }
