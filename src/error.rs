@@ -8,6 +8,8 @@ use thiserror::Error as ThisError;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
 pub enum ErrorKind {
+    /// A check found something wrong.
+    Wrong,
     /// Wrong usage or configuration: options, `gprop.toml`, an unwritable folder, no ffmpeg for an MP4.
     Usage,
     /// The scene's data is bad or missing.

@@ -1,5 +1,6 @@
 //! The exit codes, and the kind of every typed error, from which the exit code follows.
 
+use crate::audit::AuditError;
 use crate::batch::BatchError;
 use crate::config::ConfigError;
 use crate::config::option_values::OptionError;
@@ -37,6 +38,8 @@ use crate::workdir::WorkDirError;
 pub enum Exit {
     /// Everything asked for was done.
     Done = 0,
+    /// A check found something wrong: `gprop audit`.
+    Wrong = 1,
     /// Wrong usage or configuration: flags, `gprop.toml`, an unwritable folder, no ffmpeg for an MP4.
     Usage = 2,
     /// The scene's data is bad or missing.
@@ -56,6 +59,7 @@ pub enum Exit {
 impl From<ErrorKind> for Exit {
     fn from(kind: ErrorKind) -> Self {
         match kind {
+            ErrorKind::Wrong => Self::Wrong,
             ErrorKind::Usage => Self::Usage,
             ErrorKind::Scene => Self::Scene,
             ErrorKind::Model => Self::Model,
@@ -97,6 +101,16 @@ kinds! {
     // What gprop itself made and could not write or read.
     Bug: std::io::Error, std::string::FromUtf8Error, serde_json::Error, toml::ser::Error, image::ImageError,
         LabelMapError;
+}
+
+impl Kinded for AuditError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Wrong { .. } => ErrorKind::Wrong,
+            Self::Unwritable { .. } => ErrorKind::Usage,
+            _ => ErrorKind::Scene,
+        }
+    }
 }
 
 impl Kinded for SceneError {

@@ -76,6 +76,8 @@
 compile_error!("gprop runs on Linux and macOS");
 
 #[doc(hidden)]
+pub mod audit;
+#[doc(hidden)]
 pub mod batch;
 #[doc(hidden)]
 pub mod camera;

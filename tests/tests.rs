@@ -18,6 +18,8 @@ mod libraries;
 mod segment;
 // The material library.
 mod materials;
+// What URDF and MJCF claim, checked without a model.
+mod audit;
 // Sheets, prompts, answers, recordings, servers.
 mod query;
 // Rasteriser, depth maps, spherical harmonics.

@@ -83,6 +83,8 @@ fn long(argument: &Arg) -> Option<String> {
 const NUMBERS: &[(&str, [&str; 2], [&str; 2])] = &[
     ("--threads", ["1", "1024"], ["0", "1025"]),
     ("--views", ["1", "100000"], ["0", "100001"]),
+    ("--collider-volume", ["1", "1000000"], ["0.99", "1000001"]),
+    ("--collider-distance", ["0", "1000"], ["-0.01", "1001"]),
     ("--ask-views", ["1", "1000"], ["0", "1001"]),
     ("--few-views", ["1", "1000"], ["0", "1001"]),
     ("--render-views", ["1", "100000"], ["0", "100001"]),
@@ -379,6 +381,8 @@ fn paths_that_are_not_there_end_with_a_code_and_their_name() {
         (&["evaluate", "simulation", data], &[data]),
         (&["evaluate", "masks", nowhere, file], &[nowhere]),
         (&["grasp", "calibrate", nowhere], &[nowhere]),
+        (&["audit", nowhere], &[nowhere]),
+        (&["audit", data], &["no URDF or MJCF", data]),
         (&["materials", "list", "--materials", nowhere], &["--materials", nowhere]),
         (&["doctor", "--ort-lib", nowhere], &["--ort-lib", nowhere]),
         (&["setup", "--sam-encoder", nowhere, "--sam-decoder", nowhere], &["--sam-encoder", nowhere]),

@@ -12,7 +12,7 @@ use crate::evaluate::vocabulary::Vocabulary;
 use crate::pictures::figure::Shown;
 use crate::pipeline::{self, FieldFlags, Stage};
 use crate::scene::SizedMarker;
-use crate::{batch, export, inspect, materials, setup};
+use crate::{audit, batch, export, inspect, materials, setup};
 
 /// More than the cores of any machine on which gprop was run. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
@@ -95,6 +95,8 @@ pub enum Command {
         after_help = "Unless --views or --view-list is given, up to 60 views are compared, spread over all directions."
     )]
     Inspect(inspect::Args),
+    /// Check what URDF and MJCF claim of masses, inertias, centres of mass, frictions and colliders; no model is asked.
+    Audit(audit::Args),
     /// Run all scenes of a data set, each in its own process; scenes that are done are not run again.
     Batch(Box<BatchArgs>),
     /// Compare results with ground truth or a reference.

@@ -30,7 +30,7 @@ use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
 use crate::scene::mesh::is_mesh;
 use crate::words::output;
 use crate::words::progress::Progress;
-use crate::{config, exit, inspect};
+use crate::{audit, config, exit, inspect};
 use arguments::{
     BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
     Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
@@ -91,6 +91,11 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
             let (inspection, text) = inspect::command(args, only_chosen, global.progress())?;
             print(global, &inspection, || text)?;
             Ok(inspection.require_aligned()?)
+        }
+        Command::Audit(args) => {
+            let report = audit::audit(args)?;
+            print(global, &report, || report.text())?;
+            Ok(report.require_sound()?)
         }
         Command::Batch(args) => batch::run(global, args),
         Command::Evaluate(what) => evaluate::evaluate(global, what),

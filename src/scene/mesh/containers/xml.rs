@@ -164,7 +164,7 @@ impl Tree {
     }
 
     fn add_text(&mut self, text: &str) -> Result<(), String> {
-        let text = text.trim();
+        let text = text.trim_matches(|c: char| c.is_whitespace() || c == '\0');
         match self.open.last() {
             _ if text.is_empty() => {}
             Some(&element) => self.elements[element].text.push_str(text),

@@ -39,7 +39,7 @@ impl Edges {
     }
 
     /// The sides along each edge.
-    pub fn iter(&self) -> impl Iterator<Item = &[Side]> {
+    pub fn iter(&self) -> impl Iterator<Item = &[Side]> + Clone {
         self.0.chunk_by(|a, b| a.ends == b.ends)
     }
 

@@ -7,6 +7,8 @@
 //! 4. [`mod@material`] sums the [`moments`] of what is closed exactly, and integrates the rest with [`quadrature`] over the
 //!    [`winding`] number; [`mod@thickness`] recognises walls.
 //!
+//! [`survey()`] looks at a mesh in a fraction of that time.
+//!
 //! Rays and winding numbers use the [`tree`]. The result depends on the surface alone: neither on the order of its triangles
 //! nor on the number of threads.
 
@@ -21,6 +23,7 @@ mod nesting;
 mod oriented;
 mod quadrature;
 mod sample;
+mod survey;
 mod thickness;
 mod tree;
 mod weld;
@@ -33,12 +36,16 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use super::Triangles;
 use crate::units::Estimate;
 use crate::words::output::{agreeing, counted};
-use connected::area_of;
+use connected::{Connected, area_of};
 pub use error::SolidError;
 use frame::Frame;
 use material::Material;
 use oriented::Oriented;
+pub use survey::{Survey, survey};
+use weld::Welded;
 
+/// A triangle with less area than this, in the [`Frame`] of the measurement, has none.
+const NO_AREA: f64 = 1e-15;
 /// Maximum number of triangles: with three sides of each, all sides can be numbered in 32 bits.
 const MOST_TRIANGLES: usize = (u32::MAX / 3) as usize;
 /// Largest coordinate: its fifth power, in which inertia is, is far from the largest number.
@@ -118,6 +125,27 @@ impl Topology {
     }
 }
 
+impl Topology {
+    /// Of a surface as it is, without the components that are closed or inverted.
+    fn of(welded: &Welded, connected: &Connected) -> Self {
+        let sides = connected.edges.iter().map(<[_]>::len);
+        let without_area = (0..welded.triangles.len()).filter(|n| area_of(&welded.corners(*n)) <= NO_AREA).count();
+        Self {
+            vertices: welded.points.len(),
+            triangles: welded.triangles.len(),
+            components: connected.components,
+            closed_components: 0,
+            inverted_components: 0,
+            boundary_edges: sides.clone().filter(|sides| *sides == 1).count(),
+            non_manifold_edges: sides.filter(|sides| *sides > 2).count(),
+            twisted_edges: connected.twisted_edges,
+            misoriented_triangles: connected.mended,
+            degenerate: welded.degenerate + without_area,
+            duplicates: welded.duplicates,
+        }
+    }
+}
+
 /// A reason why a volume is an interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Doubt {
@@ -169,7 +197,7 @@ pub fn measure(surface: &Triangles) -> Result<Solid, SolidError> {
     check(surface)?;
     let frame = Frame::of(surface);
     let oriented = Oriented::of(surface, &frame).ok_or(SolidError::NoArea { triangles: surface.triangles.len() })?;
-    let shell = Shell::of(&oriented, &frame);
+    let shell = Shell::of(&oriented.corners, &frame);
     let Material { volume, moments, kind, doubts, inverted } = material::material(&oriented);
     let has_volume = moments.volume > 0.0;
     Ok(Solid {
@@ -217,9 +245,9 @@ impl Kind {
 impl Shell {
     /// From the exact integrals over triangles: of x x^T it is area / 12 times (a a^T + b b^T + c c^T + s s^T), with s the
     /// sum of the corners a, b, c.
-    fn of(surface: &Oriented, frame: &Frame) -> Self {
+    fn of(triangles: &[[Point3<f64>; 3]], frame: &Frame) -> Self {
         let (mut area, mut first, mut second) = (0.0, Vector3::zeros(), Matrix3::zeros());
-        for corners in &surface.corners {
+        for corners in triangles {
             let [a, b, c] = corners.map(|corner| corner.coords);
             let (own, sum) = (area_of(corners), a + b + c);
             area += own;

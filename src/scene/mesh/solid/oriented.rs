@@ -3,17 +3,15 @@
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-use super::Topology;
 use super::connected::{Connected, area_of};
 use super::facing;
 use super::frame::Frame;
 use super::moments::Moments;
 use super::tree::Tree;
 use super::weld::Welded;
+use super::{NO_AREA, Topology};
 use crate::scene::mesh::Triangles;
 
-/// A triangle with less area than this, in the [`Frame`] of the measurement, has none.
-const NO_AREA: f64 = 1e-15;
 /// The direction of a component is unreliable if more than this share of its area had to be reversed.
 const UNRELIABLE: f64 = 0.25;
 
@@ -63,7 +61,8 @@ impl Oriented {
         tree.number.iter().zip(&mut tree.corners).filter(|(n, _)| reversed(n)).for_each(|(_, c)| c.swap(1, 2));
         let component_of =
             connected.patch_of.iter().map(|patch| connected.patches[*patch as usize].component).collect();
-        let topology = topology(&welded, &connected, &corners, &components);
+        let closed_components = components.iter().filter(|component| component.is_closed).count();
+        let topology = Topology { closed_components, ..Topology::of(&welded, &connected) };
         Some(Self { tree, corners, component_of, components, topology })
     }
 }
@@ -116,26 +115,4 @@ fn grouped(group_of: impl Iterator<Item = u32>, groups: usize) -> Vec<Vec<u32>> 
     let mut items = vec![Vec::new(); groups];
     (0..).zip(group_of).for_each(|(item, group)| items[group as usize].push(item));
     items
-}
-
-fn topology(
-    welded: &Welded,
-    connected: &Connected,
-    corners: &[[Point3<f64>; 3]],
-    components: &[Component],
-) -> Topology {
-    let count = |is_counted: fn(usize) -> bool| connected.edges.iter().filter(|sides| is_counted(sides.len())).count();
-    Topology {
-        vertices: welded.points.len(),
-        triangles: welded.triangles.len(),
-        components: components.len(),
-        closed_components: components.iter().filter(|component| component.is_closed).count(),
-        inverted_components: 0,
-        boundary_edges: count(|sides| sides == 1),
-        non_manifold_edges: count(|sides| sides > 2),
-        twisted_edges: connected.twisted_edges,
-        misoriented_triangles: connected.mended,
-        degenerate: welded.degenerate + corners.iter().filter(|corners| area_of(corners) <= NO_AREA).count(),
-        duplicates: welded.duplicates,
-    }
 }

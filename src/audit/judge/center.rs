@@ -1,0 +1,25 @@
+//! The centre of mass: within the hull of the shapes.
+
+use super::super::hull::extent;
+use super::{Finding, Kind, Subject, words};
+
+/// By this share of the size, the centre may lie outside: meshes are coarse, and some parts are not modelled.
+const COARSE: f64 = 0.02;
+
+pub fn judge(subject: &Subject) -> Option<Finding> {
+    let inertial = subject.inertial()?;
+    let hull = subject.size.hull.as_ref()?;
+    let mass = subject.mass.kg().filter(|mass| *mass > 0.0)?;
+    let outside = hull.beyond(&inertial.center_m());
+    let is_stated = if inertial.states_center { "lies" } else { "is not stated, and the origin lies" };
+    let problem = || {
+        format!(
+            "the centre of mass ({}) {is_stated} {} outside of its shape",
+            words::mass(mass),
+            words::length(outside)
+        )
+    };
+    let remedy = "take that of the shape (--fix), or of the CAD model";
+    (outside > COARSE * extent(&hull.corners).norm())
+        .then(|| subject.finding(Kind::Center, &inertial.place, problem(), remedy))
+}
