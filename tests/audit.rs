@@ -24,7 +24,7 @@ fn folder(files: &[(&str, &str)]) -> TempDir {
 
 fn report(paths: &[&Path], flags: &[&str]) -> Result<Report, AuditError> {
     let command = audit::Args::augment_args(clap::Command::new("audit").no_binary_name(true));
-    let typed = flags.iter().map(std::ffi::OsString::from).chain(paths.iter().map(|path| path.into()));
+    let typed = flags.iter().map(std::ffi::OsString::from).chain(paths.iter().map(Into::into));
     audit::audit(&audit::Args::from_arg_matches(&command.get_matches_from(typed)).unwrap())
 }
 

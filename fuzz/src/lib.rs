@@ -10,6 +10,7 @@ use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
 
+use gprop::audit;
 use gprop::config::{self, Flag, Owner, SceneValue};
 use gprop::consensus::AskAbout;
 use gprop::evaluate::grasp::{self as policies, Evaluation};
@@ -47,10 +48,11 @@ pub use whole_line::whole_line;
 pub type Read = fn(&[u8]);
 
 /// Every target by its name.
-pub const TARGETS: [(&str, Read); 21] = [
+pub const TARGETS: [(&str, Read); 22] = [
     ("answers", answers),
     ("checkpoint", checkpoint),
     ("colmap", colmap),
+    ("container", container),
     ("evaluation", evaluation),
     ("finished_folder", finished_folder),
     ("ksplat", ksplat),
@@ -70,6 +72,21 @@ pub const TARGETS: [(&str, Read); 21] = [
     ("whole_line", whole_line),
     ("work_folder", work_folder),
 ];
+
+/// URDF and MJCF beside a mesh, audited and mended.
+pub fn container(bytes: &[u8]) {
+    let mesh = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
+    let folder = folder_with(&[("model.xml", bytes), ("mesh.obj", mesh)]);
+    let args = audit::Args {
+        paths: vec![folder.path().join("model.xml")],
+        fix: true,
+        ignore: Vec::new(),
+        collider_volume: 2.0,
+        collider_distance: 0.1,
+    };
+    let report = audit::audit(&args).expect("the file is there");
+    assert!(report.text().ends_with('\n'));
+}
 
 /// PLY of every encoding and the compressed PLY.
 pub fn ply(bytes: &[u8]) {

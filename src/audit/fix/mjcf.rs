@@ -10,6 +10,8 @@ use crate::scene::mesh::containers::xml::Node;
 
 /// Products of inertia below this share of the moments are rounding errors.
 const DIAGONAL: f64 = 1e-7;
+/// More sweeps than any matrix of numbers of ordinary size takes.
+const MOST_SWEEPS: usize = 1000;
 
 pub fn write(edits: &mut Edits, inertial: Node, target: &Target) {
     if let Some(center) = target.center_m {
@@ -26,7 +28,7 @@ pub fn write(edits: &mut Edits, inertial: Node, target: &Target) {
         edits.set(inertial, "diaginertia", &numbers(as_stated.diagonal().iter().copied()));
         return;
     }
-    let (moments, body_from_axes) = principal(&inertia);
+    let Some((moments, body_from_axes)) = principal(&inertia) else { return };
     edits.set(inertial, "diaginertia", &numbers(moments));
     let quat =
         format!(r#"quat="{}""#, numbers([body_from_axes.w, body_from_axes.i, body_from_axes.j, body_from_axes.k]));
@@ -36,13 +38,13 @@ pub fn write(edits: &mut Edits, inertial: Node, target: &Target) {
     }
 }
 
-/// The principal moments, largest first as MuJoCo orders them, and their axes.
-fn principal(inertia: &Matrix3<f64>) -> ([f64; 3], UnitQuaternion<f64>) {
-    let eigen = SymmetricEigen::new(*inertia);
+/// The principal moments, largest first as MuJoCo orders them, and their axes; `None` for numbers too large to compute with.
+fn principal(inertia: &Matrix3<f64>) -> Option<([f64; 3], UnitQuaternion<f64>)> {
+    let eigen = SymmetricEigen::try_new(*inertia, f64::EPSILON, MOST_SWEEPS)?;
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let [first, second, _] = order.map(|n| eigen.eigenvectors.column(n).into_owned());
     let axes = Matrix3::from_columns(&[first, second, first.cross(&second)]);
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    (order.map(|n| eigen.eigenvalues[n]), rotation)
+    Some((order.map(|n| eigen.eigenvalues[n]), rotation))
 }

@@ -32,6 +32,12 @@ struct Target<'a> {
 }
 
 impl Target<'_> {
+    /// False if a shape is so large or so small that computing with it ends in no number.
+    fn is_finite(&self) -> bool {
+        let mut numbers = self.center_m.iter().flatten().chain(self.inertia_kg_m2.iter().flatten());
+        numbers.all(|number| number.is_finite())
+    }
+
     /// The new inertia along the axes in which the file states it.
     fn inertia_as_stated(&self) -> Option<Matrix3<f64>> {
         let rotation = self.inertial.body_from_inertial.rotation.to_rotation_matrix();
@@ -79,11 +85,13 @@ fn target<'a>(body: &'a Body, judged: &JudgedBody) -> Option<Target<'a>> {
     let units_are_known = !has(&[Kind::Units]);
     let inertia = has(&[Kind::InertiaMissing, Kind::InertiaImpossible, Kind::InertiaPlaceholder, Kind::InertiaOff]);
     let center = has(&[Kind::Center]) || inertia && !inertial.states_center;
-    (units_are_known && (inertia || center)).then(|| Target {
-        inertial,
-        center_m: center.then_some(shapes.moments.center),
-        inertia_kg_m2: inertia.then(|| shapes.moments.inertia_kg_m2(mass)),
-    })
+    (units_are_known && (inertia || center))
+        .then(|| Target {
+            inertial,
+            center_m: center.then_some(shapes.moments.center),
+            inertia_kg_m2: inertia.then(|| shapes.moments.inertia_kg_m2(mass)),
+        })
+        .filter(Target::is_finite)
 }
 
 /// The bytes of the file with the targets in it; `None` if it is no longer the file that was audited.

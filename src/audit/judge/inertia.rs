@@ -24,15 +24,20 @@ struct Principal {
     axes: Matrix3<f64>,
 }
 
+/// More sweeps than any matrix of numbers of ordinary size takes.
+const MOST_SWEEPS: usize = 1000;
+
 impl Principal {
-    fn of(inertia: &Matrix3<f64>) -> Self {
-        let eigen = SymmetricEigen::new(*inertia);
+    /// `None` for numbers so large that computing with them ends in none.
+    fn of(inertia: &Matrix3<f64>) -> Option<Self> {
+        let is_finite = inertia.iter().all(|number| number.is_finite());
+        let eigen = SymmetricEigen::try_new(is_finite.then_some(*inertia)?, f64::EPSILON, MOST_SWEEPS)?;
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
-        Self {
+        Some(Self {
             moments: order.map(|n| eigen.eigenvalues[n]),
             axes: Matrix3::from_columns(&order.map(|n| eigen.eigenvectors.column(n).into_owned())),
-        }
+        })
     }
 }
 
@@ -49,7 +54,7 @@ pub fn judge(subject: &Subject) -> Option<Finding> {
     if is_nothing && (mass.is_none() || subject.body.mobility == Mobility::Static) {
         return None;
     }
-    let principal = Principal::of(&inertia);
+    let principal = Principal::of(&inertia)?;
     let compared = mass.and_then(|mass| Compared::of(subject, inertial, &inertia, mass));
     let (kind, problem) = impossible_anywhere(&principal)
         .map(|problem| (Kind::InertiaImpossible, problem))
@@ -133,7 +138,7 @@ impl Compared {
     fn of(subject: &Subject, inertial: &Inertial, inertia: &Matrix3<f64>, mass: f64) -> Option<Self> {
         let uniform = subject.uniform_inertia(mass)?;
         let inverse = uniform.cholesky()?.l().try_inverse()?;
-        let ratios = Principal::of(&(inverse * inertia * inverse.transpose())).moments;
+        let ratios = Principal::of(&(inverse * inertia * inverse.transpose()))?.moments;
         let stated = inertial.inertia_kg_m2?;
         let rotation = inertial.body_from_inertial.rotation.to_rotation_matrix();
         let of_shape = rotation.matrix().transpose() * uniform * rotation.matrix();
