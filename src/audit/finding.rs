@@ -1,8 +1,8 @@
 //! A finding: what is wrong, where, and what to do.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 /// The kinds of findings, by the names that `--ignore` takes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, clap::ValueEnum)]
@@ -43,7 +43,7 @@ pub enum Kind {
 pub struct Finding {
     pub kind: Kind,
     /// The file in which it is written.
-    #[serde(serialize_with = "crate::audit::report::as_text")]
+    #[serde(serialize_with = "as_text")]
     pub file: PathBuf,
     /// Counted from 1.
     pub line: usize,
@@ -58,4 +58,9 @@ impl Finding {
     pub fn text(&self) -> String {
         format!("{}; {}", self.problem, self.remedy)
     }
+}
+
+/// Paths in JSON are text.
+pub(super) fn as_text<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str(&path.to_string_lossy())
 }

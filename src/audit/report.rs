@@ -2,10 +2,11 @@
 
 use std::collections::BTreeSet;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use serde::{Serialize, Serializer};
+use serde::Serialize;
 
+use super::finding::as_text;
 use super::judge::{Judged, JudgedBody};
 use super::{AuditError, Finding};
 use crate::scene::mesh::containers::{Body, Container, ContainerError};
@@ -52,11 +53,6 @@ pub struct LinkReport {
     pub problems: Vec<String>,
     /// The same with kind and place.
     pub findings: Vec<Finding>,
-}
-
-/// Paths in JSON are text.
-pub fn as_text<S: Serializer>(path: &Path, serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str(&path.to_string_lossy())
 }
 
 fn texts(findings: &[Finding]) -> Vec<String> {
