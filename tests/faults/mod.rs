@@ -10,6 +10,7 @@ pub mod changed;
 mod commands;
 // Files whose work would grow with the square of their size.
 mod effort;
+mod growth;
 // Kills, full disks and failing servers in any order.
 mod chaos;
 // Locks: who holds one, and that processes that have ended hold none.

@@ -412,13 +412,16 @@ fn what_refusals_and_empty_answers_took_is_paid_too() {
     let folder = tempfile::tempdir().unwrap();
     let prompts = Prompts::builtin();
     let options = small();
-    let asker = Scripted::new(|_| Ok(ReplyContent::Empty("the answer is empty".into())));
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
-    let run = run(&queries, &recordings(folder.path()), Some(&asker)).unwrap();
+
+    let empty = Scripted::new(|_| Ok(ReplyContent::Empty("the answer is empty".into())));
+    let stopped = run(&queries, &recordings(folder.path()), Some(&empty));
+    let Err(QueryError::InVain(in_vain)) = stopped else { panic!("{stopped:?}") };
+    assert_eq!((in_vain.spent.requests, in_vain.spent.usage.input_tokens), (2, 2000));
+
+    let refusing = Scripted::new(|_| Ok(ReplyContent::Refusal("no".into())));
+    let run = run(&queries, &recordings(folder.path()), Some(&refusing)).unwrap();
     assert_eq!((run.spent.requests, run.spent.usage.input_tokens), (2, 2000));
-    let error = run.answers.require_any().unwrap_err();
-    assert!(
-        error.to_string().contains("none of the 2 questions") && error.to_string().contains("(2 questions)"),
-        "{error}"
-    );
+    let error = run.answers.require_any().unwrap_err().to_string();
+    assert!(error.contains("none of the 2 questions") && error.contains("(2 questions)"), "{error}");
 }
