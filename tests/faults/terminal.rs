@@ -131,7 +131,7 @@ fn captions_of_parts() {
     let page = fs::read_to_string(balls.scene(0).join("gprop/report.html")).unwrap();
     assert!(!page.contains(|c: char| c != '\n' && acts(c)), "the page has the caption's escapes");
     // So have the data of its viewer and its tables.
-    assert!(page.contains(r#""caption":"steel\\u001b]0;owned"#));
+    assert!(page.contains(r#""caption": "steel\\u001b]0;owned"#));
     let tables = page.split("data:text/csv;base64,").skip(1).map(|rest| rest.split_once('"').unwrap().0);
     let tables: Vec<Vec<u8>> = tables.map(|table| STANDARD.decode(table).unwrap()).collect();
     assert!(tables.len() >= 4);
