@@ -120,7 +120,7 @@ fn ten_times_as_much_of_anything_takes_twelve_times_as_long_at_most() {
         Kind { name: "Gaussians", count: 100_000, write: |at, n| gaussians(at, n, |_| -4.0), says: "Gaussians" },
         Kind {
             name: "outliers",
-            count: 20_000,
+            count: 100_000,
             write: |at, n| gaussians(at, n, |i| if i % 2 == 0 { 46.0 } else { -4.0 }),
             says: "Gaussians",
         },
@@ -129,7 +129,7 @@ fn ten_times_as_much_of_anything_takes_twelve_times_as_long_at_most() {
             name: "frames of one photo",
             count: 1000,
             write: |at, n| photos(at, (0..n).map(|_| "a.png".to_owned())),
-            says: "a.png",
+            says: "images_a",
         },
         Kind {
             name: "photos",

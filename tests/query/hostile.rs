@@ -234,8 +234,8 @@ fn compressed_bodies_are_not_blown_up() {
     }
     let bomb = bomb.finish().unwrap();
     let server = RawServer::new(move |_, stream| {
-        let length = bomb.len();
-        let _ = write!(stream, "HTTP/1.1 200 OK\r\ncontent-encoding: gzip\r\ncontent-length: {length}\r\n\r\n");
+        let headers = format!("connection: close\r\ncontent-encoding: gzip\r\ncontent-length: {}\r\n", bomb.len());
+        let _ = write!(stream, "HTTP/1.1 200 OK\r\n{headers}\r\n");
         let _ = stream.write_all(&bomb);
     });
     let error = server.ask().unwrap_err();
