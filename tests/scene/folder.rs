@@ -256,7 +256,7 @@ fn what_is_not_there_is_named() {
     let made_up = MadeUp::new();
     assert_message(scene::load(Path::new("no/such"), &Options::default()), &["no such scene folder", "no/such"]);
     let splat = made_up.path("point_cloud.ply");
-    assert_message(scene::load(&splat, &Options::default()), &["is a file", "give the folder"]);
+    assert_message(scene::load(&splat, &Options::default()), &["is a file", "the folder that holds the photos"]);
     assert_message(scene::load(made_up.folder.path(), &Options::default()), &["no cameras", "transforms.json"]);
     std::fs::create_dir(made_up.path("sparse")).unwrap();
     let without = scene::load(made_up.folder.path(), &Options::default());
