@@ -1,4 +1,4 @@
-//! What a stranger sends may be ten times as large: reading it then takes no more than twelve times as long. Processor time is
+//! What a stranger sends may be ten times as large: reading it then takes no more than fifteen times as long. Processor time is
 //! counted, not time on the clock, and a hundredth of a second that any program takes to start does not count.
 
 use std::fmt::Write as _;
@@ -14,8 +14,9 @@ use tempfile::TempDir;
 
 use crate::run::gprop;
 
-/// The most that ten times the input may take, in times of what the input takes.
-const MOST: f64 = 12.0;
+/// The most that ten times the input may take, in times of what the input takes: twelve for what is searched in a tree, from a
+/// hundred thousand to a million (n log n), and a quarter for caches that no longer hold it.
+const MOST: f64 = 15.0;
 
 /// Something that a scene folder may have many of.
 struct Kind {
@@ -115,7 +116,7 @@ fn ascii_ply(folder: &Path, count: usize) {
 
 #[test]
 #[ignore = "takes minutes: files of megabytes; .ci/run runs it"]
-fn ten_times_as_much_of_anything_takes_twelve_times_as_long_at_most() {
+fn ten_times_as_much_of_anything_takes_fifteen_times_as_long_at_most() {
     let kinds = [
         Kind { name: "Gaussians", count: 100_000, write: |at, n| gaussians(at, n, |_| -4.0), says: "Gaussians" },
         Kind {
