@@ -109,7 +109,7 @@ fn ascii_ply(folder: &Path, count: usize) {
     text += "end_header\n";
     for n in 0..count {
         // Colours, opacity, scales and turns are alike: what the columns mean does not matter here.
-        writeln!(text, "{} {} 0.5{}", n % 300, n / 300, " 0.25".repeat(columns - 3)).unwrap();
+        writeln!(text, "{} {} 0.5{}", n % 300, n / 300, " -1".repeat(columns - 3)).unwrap();
     }
     fs::write(path, text).unwrap();
 }
