@@ -1,11 +1,10 @@
 //! Convex hulls as sets of points and of planes.
 
 use std::collections::BTreeSet;
-use std::f64::consts::PI;
 
 use nalgebra::{Point3, Vector3};
 
-use crate::numeric::hull;
+use crate::numeric::{hull, sphere_directions};
 
 /// A convex hull.
 #[derive(Debug, Clone)]
@@ -59,16 +58,10 @@ pub fn extremes(points: &[Vector3<f64>]) -> Vec<Vector3<f64>> {
     found.into_iter().map(|point| points[point]).collect()
 }
 
-/// The axes, and directions spread evenly along a spiral on the sphere (Vogel 1979's golden angle).
+/// The axes, and directions spread evenly.
 fn directions() -> impl Iterator<Item = Vector3<f64>> {
     let axes = [Vector3::x(), Vector3::y(), Vector3::z()].into_iter().flat_map(|axis| [axis, -axis]);
-    let golden_angle = PI * (3.0 - 5f64.sqrt());
-    let spiral = (0..DIRECTIONS).map(move |n| {
-        let z = 1.0 - (2 * n + 1) as f64 / DIRECTIONS as f64;
-        let (radius, angle) = ((1.0 - z * z).sqrt(), golden_angle * n as f64);
-        Vector3::new(radius * angle.cos(), radius * angle.sin(), z)
-    });
-    axes.chain(spiral)
+    axes.chain(sphere_directions(DIRECTIONS))
 }
 
 /// The sides of the box around points.

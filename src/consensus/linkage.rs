@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::AddAssign;
 
 use super::PRIOR_PAIRS;
+use crate::numeric::forest::Forest;
 
 /// Stands for no group.
 pub(super) const NONE: u32 = u32::MAX;
@@ -142,19 +143,11 @@ fn roots(mut group: Vec<u32>) -> Vec<u32> {
 /// Joins nodes that touch and that views split by at most `limit`, however much views split other nodes of their
 /// groups. Returns the group of every node, named by its first node.
 pub(super) fn contract(nodes: usize, borders: impl Iterator<Item = (u32, u32, Border)>, limit: f64) -> Vec<u32> {
-    let mut group: Vec<u32> = (0..nodes as u32).collect();
-    fn root(group: &mut [u32], mut node: u32) -> u32 {
-        while group[node as usize] != node {
-            group[node as usize] = group[group[node as usize] as usize];
-            node = group[node as usize];
-        }
-        node
-    }
+    let mut groups = Forest::of(nodes);
     for (a, b, _) in borders.filter(|(.., border)| border.near > 0 && border.split() <= limit) {
-        let (a, b) = (root(&mut group, a), root(&mut group, b));
-        group[a.max(b) as usize] = a.min(b);
+        groups.join(a as usize, b as usize, false);
     }
-    roots(group)
+    (0..nodes).map(|node| groups.root(node).0 as u32).collect()
 }
 
 /// The borders between groups, from those between their members; members in no group are left out.

@@ -3,8 +3,9 @@
 use image::{Rgba, RgbaImage};
 
 use crate::camera::Camera;
+use crate::numeric::srgb;
 use crate::render::triangles::{SurfacePicture, SurfacePoint, draw};
-use crate::scene::mesh::{PaintedMesh, srgb};
+use crate::scene::mesh::PaintedMesh;
 
 /// Light that comes from all sides, and light from the camera onto a surface that faces it. Together they stay below one, so
 /// that a white object stands out before white, and none is so dark at its rim that its colour is lost.

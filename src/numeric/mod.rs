@@ -1,7 +1,9 @@
 //! Numerical functions and constants for several modules: medians, intervals, directions and rotations spread evenly, the
-//! point where lines meet, rigid motions, convex hulls, and the linear light of sRGB colours.
+//! point where lines meet, rigid motions, convex hulls, lists, disjoint sets, and the linear light of sRGB colours.
 
+pub mod forest;
 pub mod hull;
+pub mod lists;
 pub mod nearest;
 
 use std::f64::consts::PI;
@@ -69,10 +71,20 @@ pub fn rigid_motion(pairs: impl Iterator<Item = (Point3<f64>, Point3<f64>)> + Cl
     Isometry3::from_parts(Translation3::from(to - turn * from), turn)
 }
 
-/// The linear light of an sRGB channel, 0 to 1 (IEC 61966-2-1).
+/// The linear light of an sRGB byte, 0 to 1.
 pub fn srgb_light(channel: u8) -> f64 {
-    let c = f64::from(channel) / 255.0;
-    if c <= 0.04045 { c / 12.92 } else { ((c + 0.055) / 1.055).powf(2.4) }
+    linear(f64::from(channel) / 255.0)
+}
+
+/// The linear light of an sRGB value, both 0 to 1 (IEC 61966-2-1).
+pub fn linear(srgb: f64) -> f64 {
+    if srgb <= 0.04045 { srgb / 12.92 } else { ((srgb + 0.055) / 1.055).powf(2.4) }
+}
+
+/// The sRGB value of linear light, both 0 to 1 (IEC 61966-2-1); what lies outside counts as the nearer end.
+pub fn srgb(light: f32) -> f32 {
+    let light = light.clamp(0.0, 1.0);
+    if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }
 
 #[cfg(test)]

@@ -6,6 +6,8 @@
 //! materials, any two colours are at least 0.1 apart for all of these people; a random search maximised the least
 //! distance. Pictures also number the parts.
 
+use crate::numeric::srgb;
+
 /// How many parts and how many materials have colours that everybody can tell apart.
 pub const DISTINCT: usize = 7;
 
@@ -93,10 +95,7 @@ fn hue(n: u32, lightness: f32, chroma: f32) -> [f32; 3] {
         -1.268_438 * l + 2.609_757_4 * m - 0.341_319_4 * s,
         -0.004_196_086_3 * l - 0.703_418_6 * m + 1.707_614_7 * s,
     ]
-    .map(|v| {
-        let v = v.clamp(0.0, 1.0);
-        if v <= 0.003_130_8 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 }
-    })
+    .map(srgb)
 }
 
 #[cfg(test)]
@@ -104,6 +103,7 @@ mod tests {
     use nalgebra::{Matrix3, Vector3};
 
     use super::*;
+    use crate::numeric::linear;
 
     /// Normal vision, protanopia, deuteranopia, tritanopia: linear sRGB as seen (Machado, Oliveira and Fernandes, 2009,
     /// severity 1).
@@ -115,11 +115,7 @@ mod tests {
     ];
 
     fn oklab(color: [f32; 3], eye: &[f64; 9]) -> Vector3<f64> {
-        let linear = |v: f32| {
-            let v = f64::from(v);
-            if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
-        };
-        let seen = Matrix3::from_row_slice(eye) * Vector3::from(color.map(linear));
+        let seen = Matrix3::from_row_slice(eye) * Vector3::from(color.map(|channel| linear(f64::from(channel))));
         let lms = Matrix3::new(
             0.4122214708,
             0.5363325363,

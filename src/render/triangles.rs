@@ -14,6 +14,7 @@ use rayon::prelude::*;
 
 use super::NEAR;
 use crate::camera::Camera;
+use crate::numeric::lists::Lists;
 
 /// Samples along each side of a pixel: an odd number, so that one of them is its centre.
 pub const SAMPLES: usize = 3;
@@ -54,8 +55,8 @@ pub struct SurfacePicture {
 }
 
 /// Draws the surface as `camera` sees it, which must have no lens distortion. `is_there` tells whether there is surface at a
-/// point (a texture may cut holes), `color` its linear colour, given the area of its triangle in pixels. A triangle that reaches nearer to the camera than [`NEAR`] is
-/// left out.
+/// point (a texture may cut holes), `color` its linear colour, given the area of its triangle in pixels. A triangle that reaches
+/// nearer to the camera than [`NEAR`] is left out.
 pub fn draw(
     surface: Surface<'_>,
     camera: &Camera,
@@ -171,20 +172,8 @@ impl Flat {
     }
 }
 
-/// Triangles listed by the bands that they touch, in their order.
-struct Bands {
-    /// Where each band's list begins in `triangles`, and where the last one ends.
-    starts: Vec<usize>,
-    triangles: Vec<u32>,
-}
-
-impl Bands {
-    fn of(&self, band: usize) -> &[u32] {
-        &self.triangles[self.starts[band]..self.starts[band + 1]]
-    }
-}
-
-fn by_band(triangles: &[[u32; 3]], corners: &[Corner], height: usize) -> Bands {
+/// The triangles that touch each band, in their order.
+fn by_band(triangles: &[[u32; 3]], corners: &[Corner], height: usize) -> Lists {
     let count = height.div_ceil(BAND_ROWS);
     let touched = |triangle: &[u32; 3]| {
         let [a, b, c] = triangle.map(|corner| corners[corner as usize]);
@@ -196,24 +185,11 @@ fn by_band(triangles: &[[u32; 3]], corners: &[Corner], height: usize) -> Bands {
         let band = |y: f64| (y.clamp(0.0, height as f64 - 1.0) as usize) / BAND_ROWS;
         band(low)..(band(high) + 1).min(count)
     };
-    let mut starts = vec![0; count + 1];
-    for triangle in triangles {
-        for band in touched(triangle) {
-            starts[band + 1] += 1;
+    Lists::new(count, |visit| {
+        for (index, triangle) in triangles.iter().enumerate() {
+            touched(triangle).for_each(|band| visit(band, index as u32));
         }
-    }
-    for band in 0..count {
-        starts[band + 1] += starts[band];
-    }
-    let mut next = starts.clone();
-    let mut listed = vec![0; starts[count]];
-    for (index, triangle) in triangles.iter().enumerate() {
-        for band in touched(triangle) {
-            listed[next[band]] = index as u32;
-            next[band] += 1;
-        }
-    }
-    Bands { starts, triangles: listed }
+    })
 }
 
 /// The samples of some rows of pixels, row by row.

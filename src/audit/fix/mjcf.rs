@@ -1,8 +1,9 @@
 //! MJCF keeps the centre in `pos`, and the inertia in `fullinertia` along the body's axes or in `diaginertia` along those of an
 //! orientation.
 
-use nalgebra::{Matrix3, Rotation3, SymmetricEigen, UnitQuaternion};
+use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 
+use super::super::moments::principal;
 use super::Target;
 use super::edit::{Edits, numbers};
 use crate::scene::mesh::containers::mjcf::ORIENTATIONS;
@@ -10,8 +11,6 @@ use crate::scene::mesh::containers::xml::Node;
 
 /// Products of inertia below this share of the moments are rounding errors.
 const DIAGONAL: f64 = 1e-7;
-/// More sweeps than any matrix of numbers of ordinary size takes.
-const MOST_SWEEPS: usize = 1000;
 
 pub fn write(edits: &mut Edits, inertial: Node, target: &Target) {
     if let Some(center) = target.center_m {
@@ -28,7 +27,7 @@ pub fn write(edits: &mut Edits, inertial: Node, target: &Target) {
         edits.set(inertial, "diaginertia", &numbers(as_stated.diagonal().iter().copied()));
         return;
     }
-    let Some((moments, body_from_axes)) = principal(&inertia) else { return };
+    let Some((moments, body_from_axes)) = largest_first(&inertia) else { return };
     edits.set(inertial, "diaginertia", &numbers(moments));
     let quat =
         format!(r#"quat="{}""#, numbers([body_from_axes.w, body_from_axes.i, body_from_axes.j, body_from_axes.k]));
@@ -39,8 +38,8 @@ pub fn write(edits: &mut Edits, inertial: Node, target: &Target) {
 }
 
 /// The principal moments, largest first as MuJoCo orders them, and their axes; `None` for numbers too large to compute with.
-fn principal(inertia: &Matrix3<f64>) -> Option<([f64; 3], UnitQuaternion<f64>)> {
-    let eigen = SymmetricEigen::try_new(*inertia, f64::EPSILON, MOST_SWEEPS)?;
+fn largest_first(inertia: &Matrix3<f64>) -> Option<([f64; 3], UnitQuaternion<f64>)> {
+    let eigen = principal(inertia)?;
     let mut order = [0, 1, 2];
     order.sort_by(|&a, &b| eigen.eigenvalues[b].total_cmp(&eigen.eigenvalues[a]));
     let [first, second, _] = order.map(|n| eigen.eigenvectors.column(n).into_owned());

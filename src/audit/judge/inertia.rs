@@ -1,8 +1,9 @@
 //! Inertia: that a body can have it at all, that mass within the shape can, and that it is near the shape's own.
 
-use nalgebra::{Matrix3, SymmetricEigen, Vector3};
+use nalgebra::{Matrix3, Vector3};
 
 use super::super::hull::{Hull, extent};
+use super::super::moments::principal;
 use super::{Finding, Kind, Subject, words};
 use crate::scene::mesh::containers::{Inertial, Mobility};
 
@@ -24,14 +25,10 @@ struct Principal {
     axes: Matrix3<f64>,
 }
 
-/// More sweeps than any matrix of numbers of ordinary size takes.
-const MOST_SWEEPS: usize = 1000;
-
 impl Principal {
-    /// `None` for numbers so large that computing with them ends in none.
+    /// `None` as for [`principal`].
     fn of(inertia: &Matrix3<f64>) -> Option<Self> {
-        let is_finite = inertia.iter().all(|number| number.is_finite());
-        let eigen = SymmetricEigen::try_new(is_finite.then_some(*inertia)?, f64::EPSILON, MOST_SWEEPS)?;
+        let eigen = principal(inertia)?;
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| eigen.eigenvalues[a].total_cmp(&eigen.eigenvalues[b]));
         Some(Self {

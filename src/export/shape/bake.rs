@@ -13,6 +13,7 @@ use super::atlas::Tile;
 use super::{Mesh, REACH, reach_of};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::numeric::lists::Lists;
 use crate::numeric::nearest::Nearest;
 use crate::parts::Grid;
 use crate::render::sh_color;
@@ -112,9 +113,8 @@ pub struct Painter<'a> {
     gaussians: &'a Gaussians,
     grid: Grid,
     depth: f64,
-    /// Where the list of each coarse cell begins in `members`.
-    starts: Vec<usize>,
-    members: Vec<u32>,
+    /// The Gaussians that touch each coarse cell.
+    members: Lists,
     met: Vec<Met>,
     nearest: Nearest,
     /// Unit directions from the object to the cameras.
@@ -133,30 +133,21 @@ impl<'a> Painter<'a> {
                 coarse.cells_between(gaussians.center(i) - reach, gaussians.center(i) + reach)
             })
             .collect();
-        let each = |visit: &mut dyn FnMut(usize, usize)| {
+        let each = |visit: &mut dyn FnMut(usize, u32)| {
             for (i, [xs, ys, zs]) in spans.iter().enumerate().filter_map(|(i, span)| Some((i, (*span)?))) {
                 for z in zs[0]..=zs[1] {
                     for y in ys[0]..=ys[1] {
-                        (xs[0]..=xs[1]).for_each(|x| visit(coarse.index([x, y, z]), i));
+                        (xs[0]..=xs[1]).for_each(|x| visit(coarse.index([x, y, z]), i as u32));
                     }
                 }
             }
         };
-        let mut starts = vec![0; coarse.len() + 1];
-        each(&mut |cell, _| starts[cell + 1] += 1);
-        (1..starts.len()).for_each(|n| starts[n] += starts[n - 1]);
-        let mut members = vec![0; starts[coarse.len()]];
-        let mut next = starts.clone();
-        each(&mut |cell, i| {
-            members[next[cell]] = i as u32;
-            next[cell] += 1;
-        });
+        let members = Lists::new(coarse.len(), each);
         let least = (1e-3 * grid.cell).powi(2);
         Self {
             gaussians,
             grid: coarse,
             depth: DEPTH_CELLS * grid.cell,
-            starts,
             members,
             met: (0..gaussians.len()).into_par_iter().map(|i| Met::of(gaussians, i, least)).collect(),
             nearest: Nearest::new(gaussians.positions.iter().copied()),
@@ -241,7 +232,7 @@ impl<'a> Painter<'a> {
         if let Some([xs, ys, zs]) = self.grid.cells_between(low - half, high + half) {
             for z in zs[0]..=zs[1] {
                 for y in ys[0]..=ys[1] {
-                    (xs[0]..=xs[1]).for_each(|x| members.extend(self.members_of(self.grid.index([x, y, z]))));
+                    (xs[0]..=xs[1]).for_each(|x| members.extend(self.members.of(self.grid.index([x, y, z]))));
                 }
             }
         }
@@ -253,10 +244,6 @@ impl<'a> Painter<'a> {
         members.retain(|i| meets(&self.met[*i as usize]));
         let members: Vec<(u32, Met)> = members.into_iter().map(|i| (i, self.met[i as usize])).collect();
         Near { painter: self, views: self.views(facing), colors: vec![None; members.len()], members, met: Vec::new() }
-    }
-
-    fn members_of(&self, cell: usize) -> &[u32] {
-        &self.members[self.starts[cell]..self.starts[cell + 1]]
     }
 
     /// Directions of sight of the cameras that face a surface best; along its normal if there are no cameras.

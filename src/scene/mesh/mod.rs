@@ -34,7 +34,7 @@ pub use beside::MOST_BYTES;
 pub use error::{MeshError, Problem};
 pub use painted::PaintedMesh;
 pub use problems::{GltfProblem, ObjProblem, PlyProblem, StlProblem};
-pub use sampled::{GAUSSIANS, SampledSurface, sample, srgb};
+pub use sampled::{GAUSSIANS, SampledSurface, sample};
 pub use texture::{MOST_TEXTURE_PIXELS, Picture, Wrapping};
 
 pub mod containers;

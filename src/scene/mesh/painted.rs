@@ -8,6 +8,7 @@ use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::{Alpha, Mesh, Problem, Texture};
+use crate::numeric::lists::Lists;
 use crate::numeric::srgb_light;
 use crate::render::triangles::{Surface, SurfacePoint};
 
@@ -174,12 +175,12 @@ fn corner_normals(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {
     let count = mesh.surface.triangles.len();
     let normals: Vec<Vector3<f64>> = (0..count).into_par_iter().map(|triangle| area_normal(mesh, triangle)).collect();
     let places = places_of_vertices(mesh);
-    let around = Around::new(mesh, &places);
+    let around = triangles_around(mesh, &places);
     let at_corner = |triangle: usize, vertex: u32| {
         let own = normals[triangle];
         let unit = |normal: &Vector3<f64>| normal.try_normalize(0.0).unwrap_or_default();
         let direction = unit(&own);
-        let faces = around.place(places[vertex as usize]);
+        let faces = around.of(places[vertex as usize] as usize);
         let is_smooth = |other: &&u32| unit(&normals[**other as usize]).dot(&direction) >= SMOOTH_COSINE;
         let sum: Vector3<f64> = match faces.len() {
             ..=MOST_FACES_AROUND => faces.iter().filter(is_smooth).map(|other| normals[*other as usize]).sum(),
@@ -203,33 +204,11 @@ fn places_of_vertices(mesh: &Mesh) -> Vec<u32> {
 }
 
 /// The triangles around each place.
-struct Around {
-    /// Where each place's list begins in `triangles`.
-    starts: Vec<usize>,
-    triangles: Vec<u32>,
-}
-
-impl Around {
-    fn new(mesh: &Mesh, places: &[u32]) -> Self {
-        let count = places.iter().max().map_or(0, |last| *last as usize + 1);
-        let mut starts = vec![0; count + 1];
-        for vertex in mesh.surface.triangles.as_flattened() {
-            starts[places[*vertex as usize] as usize + 1] += 1;
-        }
-        for place in 0..count {
-            starts[place + 1] += starts[place];
-        }
-        let mut next = starts.clone();
-        let mut triangles = vec![0; starts[count]];
+fn triangles_around(mesh: &Mesh, places: &[u32]) -> Lists {
+    let count = places.iter().max().map_or(0, |last| *last as usize + 1);
+    Lists::new(count, |visit| {
         for (index, vertex) in mesh.surface.triangles.as_flattened().iter().enumerate() {
-            let place = places[*vertex as usize] as usize;
-            triangles[next[place]] = (index / 3) as u32;
-            next[place] += 1;
+            visit(places[*vertex as usize] as usize, (index / 3) as u32);
         }
-        Self { starts, triangles }
-    }
-
-    fn place(&self, place: u32) -> &[u32] {
-        &self.triangles[self.starts[place as usize]..self.starts[place as usize + 1]]
-    }
+    })
 }

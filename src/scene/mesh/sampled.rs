@@ -12,6 +12,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use super::Problem;
 use super::painted::{PaintedMesh, area_normal};
 use crate::gaussians::{Gaussians, SH_C0};
+use crate::numeric::srgb;
 use crate::render::triangles::SurfacePoint;
 
 /// About how many Gaussians a mesh gets: at a picture of a thousand pixels, one for every few pixels of the object.
@@ -144,10 +145,4 @@ fn push(gaussians: &mut Gaussians, sample: &Sample, linear_color: [f32; 3], dist
     gaussians.rotations.push([w, x, y, z]);
     gaussians.opacity_logits.push(OPACITY_LOGIT);
     gaussians.sh_dc.push(linear_color.map(|channel| (srgb(channel) - 0.5) / SH_C0));
-}
-
-/// The sRGB value of linear light, both 0 to 1 (IEC 61966-2-1).
-pub fn srgb(light: f32) -> f32 {
-    let light = light.clamp(0.0, 1.0);
-    if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
 }

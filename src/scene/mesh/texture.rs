@@ -7,6 +7,7 @@ use image::{ImageDecoder, ImageError, ImageReader, RgbaImage};
 
 use super::Problem;
 use crate::files::{self, PictureSource};
+use crate::numeric;
 
 /// The most pixels of all textures of a mesh together: four of 8192 x 8192, a GiB once decoded.
 pub const MOST_TEXTURE_PIXELS: u64 = 1 << 28;
@@ -96,8 +97,7 @@ pub(super) fn check_pictures(pictures: &[Picture]) -> Result<(), Problem> {
 
 /// Linear light of an sRGB value from 0 to 1 (IEC 61966-2-1).
 pub(super) fn linear(srgb: f64) -> f32 {
-    let value = srgb.clamp(0.0, 1.0);
-    (if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }) as f32
+    numeric::linear(srgb.clamp(0.0, 1.0)) as f32
 }
 
 #[cfg(test)]

@@ -5,8 +5,8 @@
 
 use rayon::prelude::*;
 
-use super::forest::Forest;
 use super::weld::Welded;
+use crate::numeric::forest::Forest;
 
 /// That two patches of a component are joined says nothing of their directions.
 const ALIKE: bool = false;

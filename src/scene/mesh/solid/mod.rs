@@ -15,7 +15,6 @@
 mod connected;
 mod error;
 mod facing;
-mod forest;
 mod frame;
 mod material;
 mod moments;

@@ -5,8 +5,8 @@
 use nalgebra::Point3;
 use rayon::prelude::*;
 
-use super::forest::Forest;
 use super::frame::Frame;
+use crate::numeric::forest::Forest;
 use crate::scene::mesh::Triangles;
 
 /// Two vertices on boundaries that are this close are one, as a share of the mesh's size: the precision of the 32-bit numbers

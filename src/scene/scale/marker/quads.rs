@@ -7,6 +7,7 @@
 use nalgebra::Point2;
 
 use super::plane::Plane;
+use crate::numeric::forest::Forest;
 
 /// A pixel's neighbourhood is a square that extends this far from it. It must reach beyond the border of a small marker;
 /// larger ones are found in the halved pictures.
@@ -73,14 +74,13 @@ struct Run {
 fn outlines(dark: &[bool], width: usize) -> Vec<Vec<Point2<f64>>> {
     let height = dark.len() / width;
     let mut runs: Vec<Run> = Vec::new();
-    let mut parent: Vec<usize> = Vec::new();
+    let mut touching: Vec<(usize, usize)> = Vec::new();
     let mut above = 0..0;
     for (row, pixels) in dark.chunks_exact(width).enumerate() {
         let first = runs.len();
         let mut x = 0;
         while let Some(start) = pixels[x..].iter().position(|dark| *dark).map(|at| x + at) {
             x = pixels[start..].iter().position(|dark| !*dark).map_or(width, |at| start + at);
-            parent.push(runs.len());
             runs.push(Run { row, start, end: x });
         }
         let mut upper = above;
@@ -88,15 +88,19 @@ fn outlines(dark: &[bool], width: usize) -> Vec<Vec<Point2<f64>>> {
             while !upper.is_empty() && runs[upper.start].end <= runs[run].start {
                 upper.start += 1;
             }
-            let touching = upper.clone().take_while(|other| runs[*other].start < runs[run].end);
-            touching.for_each(|other| join(&mut parent, run, other));
+            let below = upper.clone().take_while(|other| runs[*other].start < runs[run].end);
+            touching.extend(below.map(|other| (run, other)));
         }
         above = first..runs.len();
+    }
+    let mut joined = Forest::of(runs.len());
+    for (run, other) in touching {
+        joined.join(run, other, false);
     }
     // A blob's number is that of its first run.
     let mut blobs: Vec<Vec<usize>> = vec![Vec::new(); runs.len()];
     for run in 0..runs.len() {
-        let blob = root(&mut parent, run);
+        let blob = joined.root(run).0;
         blobs[blob].push(run);
     }
     let ends = |blob: Vec<usize>| {
@@ -118,19 +122,6 @@ fn outlines(dark: &[bool], width: usize) -> Vec<Vec<Point2<f64>>> {
         Some((top..).zip(rows).flat_map(corners).collect())
     };
     blobs.into_iter().filter_map(ends).collect()
-}
-
-fn root(parent: &mut [usize], mut of: usize) -> usize {
-    while parent[of] != of {
-        parent[of] = parent[parent[of]];
-        of = parent[of];
-    }
-    of
-}
-
-fn join(parent: &mut [usize], a: usize, b: usize) {
-    let (a, b) = (root(parent, a), root(parent, b));
-    parent[a.max(b)] = a.min(b);
 }
 
 /// Twice the area of a triangle, positive if it is clockwise as seen.

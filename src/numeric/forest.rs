@@ -23,7 +23,7 @@ impl Forest {
         (at as usize, differs)
     }
 
-    /// Joins the sets of two items whose directions differ as said. False if both are in one set already, with
+    /// Joins the sets of two items whose directions differ as said (`false` if directions do not matter). False if both are in one set already, with
     /// directions that contradict it.
     pub fn join(&mut self, a: usize, b: usize, differ: bool) -> bool {
         let (root_a, turn_a) = self.shortened(a);
