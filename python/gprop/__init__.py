@@ -22,7 +22,8 @@ __all__ = ["Result", "load"]
 _ESTIMATE = (3,)
 _VECTOR = (3,)
 
-# As in the program: how deep JSON may be nested, and how long the header of a PLY may be.
+# As in the program: the format of its files, how deep JSON may be nested, and how long the header of a PLY may be.
+_FORMAT_VERSION = 9
 _DEEPEST_JSON = 127
 _LONGEST_HEADER = 1 << 20
 
@@ -209,9 +210,9 @@ def _current_stages(path: Path) -> dict:
 
 
 def _version() -> str | None:
-    """The version of the wheel; None if this module was not installed by one."""
+    """The wheel's version as run.json writes it; None if this module was not installed by a wheel."""
     try:
-        return importlib.metadata.version("gprop")
+        return f"{importlib.metadata.version('gprop')}+format.{_FORMAT_VERSION}"
     except importlib.metadata.PackageNotFoundError:
         return None
 

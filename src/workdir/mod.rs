@@ -24,7 +24,8 @@ use crate::files;
 use crate::files::write::{Folder, TEMPORARY};
 pub use checksum::{Checksum, Checksumming, sha256_of_file};
 
-/// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again.
+/// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again. The Python module
+/// has it too.
 pub const FORMAT_VERSION: u32 = 9;
 
 /// Name of the work folder inside a scene.
