@@ -72,6 +72,34 @@ fn it_shares_its_work_folder_with_the_program() {
     assert_eq!(again.parts().unwrap(), parts);
 }
 
+/// A run with a warning, in a process that does nothing else: see [`it_prints_nothing`].
+#[test]
+fn a_caller_of_the_pipeline() {
+    let balls = Balls::new(1);
+    fs::remove_file(balls.scene(0).join("images/002.png")).unwrap();
+    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options(&balls)).open().unwrap();
+    assert_eq!(pipeline.segments().unwrap().views.len(), 2);
+    pipeline.simulation().unwrap();
+    pipeline.grasp().unwrap_err();
+    drop(pipeline);
+    // The program says what the library passes to `tracing`.
+    let program = gprop().arg("inspect").arg(balls.scene(0)).output().unwrap();
+    assert!(String::from_utf8_lossy(&program.stderr).contains("warning"), "{program:?}");
+}
+
+#[test]
+fn it_prints_nothing() {
+    let mut caller = std::process::Command::new(std::env::current_exe().unwrap());
+    caller.args(["--exact", "library::a_caller_of_the_pipeline", "--nocapture"]);
+    let run = caller.output().unwrap();
+    assert!(run.status.success(), "{run:?}");
+    assert_eq!(String::from_utf8_lossy(&run.stderr), "");
+    // What the harness of the tests prints, and no line more.
+    let words = String::from_utf8_lossy(&run.stdout);
+    let lines: Vec<&str> = words.lines().filter(|line| !line.is_empty()).collect();
+    assert!(lines.len() == 3 && lines[1].ends_with(" ... ok"), "{words}");
+}
+
 #[test]
 fn several_scenes_are_open_at_once_and_each_runs_on_a_thread_of_its_own() {
     let balls = Balls::new(2);

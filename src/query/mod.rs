@@ -89,6 +89,7 @@ pub enum Outcome {
 
 /// A subject's material and properties, validated against the schema and the library.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
 pub struct Answer {
     pub caption: String,
     pub family: String,
@@ -186,6 +187,7 @@ pub enum Match {
 /// Why a question has no answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "failure", rename_all = "snake_case")]
+#[non_exhaustive]
 pub enum Failure {
     /// The model refused to answer.
     Refused { message: String },

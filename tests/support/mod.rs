@@ -114,6 +114,12 @@ pub fn python_has(test: &str, package: &str, import: &str) -> bool {
     found
 }
 
+/// A value with a change, for types that other crates cannot write as a literal.
+pub fn changed<T>(mut value: T, change: impl FnOnce(&mut T)) -> T {
+    change(&mut value);
+    value
+}
+
 /// The JSON that a Python script prints last.
 pub fn python(script: &Path, arguments: &[&Path]) -> Value {
     parsed(Command::new("python3").arg(script).args(arguments).output().unwrap())

@@ -6,6 +6,8 @@ use gprop::materials::MaterialLibrary;
 use gprop::query::Answer;
 use nalgebra::{Isometry3, Point3, Vector3};
 
+use crate::support::changed;
+
 /// A camera at the origin that looks along +z; 64 x 48 px, focal length 50 px, principal point in the middle.
 pub fn camera() -> Camera {
     let intrinsics =
@@ -94,5 +96,5 @@ pub fn jumble(count: usize, seed: u64) -> Gaussians {
 /// The answer "`name` is made of the library's row number `row`".
 pub fn answer(name: &str, row: usize) -> Answer {
     let material = &MaterialLibrary::builtin().materials()[row];
-    Answer { caption: name.to_owned(), ..Answer::of(material) }
+    changed(Answer::of(material), |answer| answer.caption = name.to_owned())
 }

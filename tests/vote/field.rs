@@ -16,6 +16,7 @@ use gprop::vote::{
 use gprop::words::progress::Progress;
 
 use super::build::{Blob, answer, camera_at, cloud};
+use crate::support::changed;
 
 /// Three materials of the library.
 const ROWS: [usize; 3] = [0, 1, 2];
@@ -151,7 +152,7 @@ fn a_tie_goes_to_the_surer_answers_then_to_the_first_name() {
     let winner = |confidence: [f64; 2]| {
         let mut ballot = Ballot::default();
         for n in 0..2 {
-            let answer = Answer { confidence: confidence[n], ..answer("wall", ROWS[n]) };
+            let answer = changed(answer("wall", ROWS[n]), |answer| answer.confidence = confidence[n]);
             ballot.view(&gaussians, [0.0, -3.0, 0.0], &whole).says(1, answer);
         }
         ballot.count(&gaussians, &options).unwrap().labels[0].material.clone()
@@ -257,10 +258,12 @@ fn numbers_come_from_the_winning_answers_alone() {
         (Range::new(610.0, 630.0), None, wall_of(0.003, 0.004)),
     ];
     for (n, (density_kg_m3, hardness, form)) in winning.into_iter().enumerate() {
-        let answer = Answer { density_kg_m3, hardness, form, ..answer("wall", 0) };
+        let answer = changed(answer("wall", 0), |answer| {
+            (answer.density_kg_m3, answer.hardness, answer.form) = (density_kg_m3, hardness, form);
+        });
         ballot.view(&gaussians, front(n), &whole).says(1, answer);
     }
-    let odd = Answer { density_kg_m3: Range::new(7800.0, 7900.0), ..answer("wall", 1) };
+    let odd = changed(answer("wall", 1), |answer| answer.density_kg_m3 = Range::new(7800.0, 7900.0));
     ballot.view(&gaussians, front(3), &whole).says(1, odd);
     let label = &ballot.count(&gaussians, &Options::default()).unwrap().labels[0];
     // Middles 600, 800 and 620; the hull of the three ranges.
@@ -284,7 +287,7 @@ fn label_of(answers: Vec<Answer>) -> FieldLabel {
 #[test]
 fn what_is_inside_is_what_most_answers_say() {
     let form = Form::Shell { wall_thickness_m: Range::new(0.001, 0.002) };
-    let says = |inside| Answer { form, inside: Some(inside), ..answer("wall", 0) };
+    let says = |inside| changed(answer("wall", 0), |answer| (answer.form, answer.inside) = (form, Some(inside)));
     let full = |filling: &str, low| says(Inside::Filled { filling: filling.to_owned(), share: Range::new(low, 1.0) });
     let contents = |answers: Vec<Answer>| label_of(answers).inside.unwrap();
 
@@ -311,7 +314,11 @@ fn what_is_inside_is_what_most_answers_say() {
 fn a_mixed_part_takes_its_density_from_the_answers_that_give_the_whole() {
     let bulk = Range::new(900.0, 1500.0);
     let reason = || Some("a motor in its housing".to_owned());
-    let mixed = || Answer { form: Form::Mixed, density_kg_m3: bulk, bulk_reason: reason(), ..answer("wall", 0) };
+    let mixed = || {
+        changed(answer("wall", 0), |answer| {
+            (answer.form, answer.density_kg_m3, answer.bulk_reason) = (Form::Mixed, bulk, reason());
+        })
+    };
     let label = label_of(vec![answer("wall", 0), mixed(), mixed()]);
     assert_eq!((label.form, label.bulk_reason), (Form::Mixed, reason()));
     assert_eq!(label.density_kg_m3, Estimate::from(bulk));
@@ -386,7 +393,9 @@ fn bad_input_is_refused_by_name() {
     let gaussians = cloud(&wall(0.0));
     let whole = vec![1; gaussians.len()];
     let mut ballot = Ballot::default();
-    ballot.view(&gaussians, front(0), &whole).says(1, Answer { material: "unobtainium".into(), ..answer("wall", 0) });
+    ballot
+        .view(&gaussians, front(0), &whole)
+        .says(1, changed(answer("wall", 0), |answer| answer.material = "unobtainium".into()));
     let error = ballot.count(&gaussians, &Options::default()).unwrap_err().to_string();
     assert!(error.contains("`unobtainium`") && error.contains("segment 1 of view `view0`"), "{error}");
 
@@ -404,7 +413,7 @@ fn an_unknown_material_in_any_answer_about_a_part_is_refused_by_name() {
     let mut ballot = Ballot::default();
     ballot.view(&gaussians, front(2), &vec![1; gaussians.len()]);
     let known = answer("wall", 0);
-    let unknown = Answer { material: "unobtainium".into(), ..known.clone() };
+    let unknown = changed(known.clone(), |answer| answer.material = "unobtainium".into());
     let (views, library, options) = (ballot.inputs(), MaterialLibrary::builtin(), Options::default());
     // The unknown material is in the part's lesser answers, which win together; then also in its main answer.
     for pixels in [[10.0, 7.0, 7.0], [1.0, 7.0, 7.0]] {
