@@ -7,6 +7,8 @@ mod support;
 
 // Agreement of photos, cameras and Gaussians, and the conversions that bring it about.
 mod inspect;
+// The search for a similarity between cameras and splat.
+mod similarity;
 // Reading a scene: PLY, cameras, photos, and everything that can be wrong with them.
 mod scene;
 // Finding, fetching and checking ONNX Runtime and SAM.

@@ -11,6 +11,9 @@ use crate::words::progress::Progress;
 /// The least value of a pixel that is at least half covered by the object.
 const HALF: u8 = 128;
 
+/// The PSNR that stands for equal pictures.
+pub(super) const EQUAL_DB: f64 = 99.0;
+
 /// Compares every view, one after the other: the rasteriser uses all threads.
 pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Result<Vec<ViewFit>, SceneError> {
     let cloud = scene.whole_cloud();
@@ -56,9 +59,8 @@ pub(super) fn as_the_splat_shows(scene: &Scene, mut photo: Photo) -> Photo {
 }
 
 /// 10 log10(1 / mean squared error) of the colours (each channel 0 to 1), with the picture over white like the photo; at
-/// most 99, which stands for equal pictures.
+/// most [`EQUAL_DB`].
 pub(super) fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
-    const EQUAL: f64 = 99.0;
     let mut sum = 0.0;
     for ((photo, color), alpha) in photo.pixels().zip(&picture.rgb).zip(&picture.alpha) {
         for (channel, value) in photo.0.iter().zip(color) {
@@ -68,7 +70,7 @@ pub(super) fn psnr_db(photo: &RgbImage, picture: &Render) -> f64 {
         }
     }
     let mean = sum / (3 * picture.rgb.len()).max(1) as f64;
-    (-10.0 * mean.log10()).min(EQUAL)
+    (-10.0 * mean.log10()).min(EQUAL_DB)
 }
 
 /// Whether each pixel shows the splat.

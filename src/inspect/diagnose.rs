@@ -5,19 +5,23 @@
 //!    own scale; conversions after which some view would not even have the object in its picture are discarded without
 //!    rendering. If none fits, the most common of them are tried with the camera centres scaled. The best candidates are
 //!    rendered for more views; the winner's scale is refined.
+//! 3. Any other [similarity](super::similarity), if none of these fits well.
 //!
 //! The first of these after which the photos fit the splat, by the same rules as for the cameras as they are, is suggested.
+//! A similarity that was searched for must also be clearly better than any other on photos that the search has not seen; if
+//! not, it is shown as doubtful.
 
 use nalgebra::{Isometry3, Point3, Similarity3};
 use serde::Serialize;
 
+use super::similarity::{self, Found};
 use super::verdict::{self, MOST_VIEWS, Small, Verdict, correlation, picture, small_views};
 use super::{ViewFit, compare};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::RenderOptions;
-use crate::scene::cameras::align::{Align, Conversion, Reading, SignedPermutation};
+use crate::scene::cameras::align::{Align, Conversion, Reading, SignedPermutation, rounded as rounded_similarity};
 use crate::scene::{Scene, SceneError, View};
 use crate::words::progress::Progress;
 
@@ -36,6 +40,32 @@ pub struct Suggestion {
     pub psnr_after_db: f64,
 }
 
+/// The best placement that the search for a similarity found, if it does not convince.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Doubtful {
+    /// The value for `--align`.
+    pub align: String,
+    /// Median PSNR, in dB, of photos that the search has not seen.
+    pub psnr_db: f64,
+    /// The same with the next best placement.
+    pub next_psnr_db: Option<f64>,
+    /// Why it is not suggested.
+    pub reason: String,
+}
+
+/// What makes the photos fit, or might.
+#[derive(Debug, Default)]
+pub(super) struct Diagnosis {
+    pub suggestion: Option<Suggestion>,
+    pub doubtful: Option<Doubtful>,
+}
+
+impl From<Option<Suggestion>> for Diagnosis {
+    fn from(suggestion: Option<Suggestion>) -> Self {
+        Self { suggestion, doubtful: None }
+    }
+}
+
 /// A winner with less than this has won by chance.
 const LEAST_CORRELATION: f64 = 0.8;
 /// Minimum gain of a conversion in PSNR.
@@ -47,6 +77,9 @@ const FINALISTS: usize = 6;
 const FIRST_GAUSSIANS: usize = 5_000;
 /// Maximum number of Gaussians rendered in the search: those that cover most of the picture.
 const MOST_GAUSSIANS: usize = 40_000;
+/// A usual conversion with at least this correlation needs no other similarity to be searched for: what is off by a pixel of
+/// the small pictures has less.
+const SURE_CORRELATION: f64 = 0.95;
 /// Share of the object that each view must have in its picture for a candidate to be rendered.
 const LEAST_IN_PICTURE: f64 = 0.3;
 
@@ -57,7 +90,8 @@ pub(super) fn suggest(
     views: &[View],
     fits: &[ViewFit],
     verdict: &Verdict,
-) -> Result<Option<Suggestion>, SceneError> {
+    progress: Progress,
+) -> Result<Diagnosis, SceneError> {
     let as_in_file = |view: &View| seen_from(view, scene.conversion.undo(&view.camera.camera_from_world));
     let step = views.len().div_ceil(MOST_VIEWS).max(1);
     let trial = Trial {
@@ -67,9 +101,17 @@ pub(super) fn suggest(
         psnr_before_db: median_psnr(fits.iter().step_by(step)),
     };
     if let Some(found) = trial.of_gsplat()? {
-        return Ok(Some(found));
+        return Ok(Some(found).into());
     }
-    trial.usual()
+    let usual = trial.usual()?;
+    if usual.as_ref().is_some_and(|usual| usual.correlation_after >= SURE_CORRELATION) {
+        return Ok(usual.into());
+    }
+    let all: Vec<View> = views.iter().map(as_in_file).collect();
+    match similarity::search(scene, &all, progress)? {
+        Some(found) => trial.of_search(&found, usual),
+        None => Ok(usual.into()),
+    }
 }
 
 /// The views that conversions are tried on.
@@ -84,20 +126,50 @@ struct Trial<'a> {
 impl Trial<'_> {
     /// The suggestion of this conversion if it makes the photos fit, and better than before.
     fn of(&self, align: &Align, conversion: &Conversion) -> Result<Option<Suggestion>, SceneError> {
+        let (suggestion, fits) = self.tried(align, conversion)?;
+        Ok(Some(suggestion).filter(|_| fits))
+    }
+
+    /// The suggestion of this conversion, and whether it makes the photos fit, and better than before.
+    fn tried(&self, align: &Align, conversion: &Conversion) -> Result<(Suggestion, bool), SceneError> {
         let after = |view: &View| seen_from(view, conversion.apply(&view.camera.camera_from_world));
         let views: Vec<View> = self.views.iter().map(after).collect();
         let fits = compare::compare(self.scene, &views, Progress::Hidden)?;
-        let verdict = verdict::of(self.scene, &views, &fits)?.filter(|verdict| verdict.aligned);
+        let verdict = verdict::of(self.scene, &views, &fits)?;
         let psnr_after_db = median_psnr(fits.iter());
-        let better = verdict.filter(|_| psnr_after_db >= self.psnr_before_db + LEAST_GAIN_DB);
-        Ok(better.map(|verdict| Suggestion {
+        let aligned = verdict.as_ref().is_some_and(|verdict| verdict.aligned);
+        let suggestion = Suggestion {
             align: align.to_string(),
             meaning: meaning(align, conversion),
             correlation_before: self.correlation_before,
-            correlation_after: verdict.correlation,
+            correlation_after: verdict.map_or(0.0, |verdict| verdict.correlation),
             psnr_before_db: self.psnr_before_db,
             psnr_after_db,
-        }))
+        };
+        Ok((suggestion, aligned && psnr_after_db >= self.psnr_before_db + LEAST_GAIN_DB))
+    }
+
+    /// What was searched for and found, unless the best of the `usual` conversions explains the photos about as well.
+    fn of_search(&self, found: &Found, usual: Option<Suggestion>) -> Result<Diagnosis, SceneError> {
+        let conversion = Conversion { similarity: rounded_similarity(&found.similarity), ..Conversion::default() };
+        let (mut suggestion, fits) = self.tried(&Align::By(conversion), &conversion)?;
+        let beats = |usual: &Suggestion| fits && suggestion.psnr_after_db >= usual.psnr_after_db + LEAST_GAIN_DB;
+        if usual.as_ref().is_some_and(|usual| !beats(usual)) {
+            return Ok(usual.into());
+        }
+        let reason = match (fits, found.is_clear()) {
+            (true, true) => {
+                suggestion.meaning.push_str(&format!("; {}", found.judgement()));
+                return Ok(Some(suggestion).into());
+            }
+            (false, _) => format!("the photos do not fit the splat with it; {}", found.judgement()),
+            (true, false) => format!("other placements fit about as well; {}", found.judgement()),
+        };
+        let Found { psnr_db, next_psnr_db, .. } = *found;
+        Ok(Diagnosis {
+            suggestion: None,
+            doubtful: Some(Doubtful { align: suggestion.align, psnr_db, next_psnr_db, reason }),
+        })
     }
 
     /// The best of the similarities that gsplat may have used.

@@ -3,7 +3,8 @@
 //!
 //! 1. [`compare`]: PSNR and mask overlap view by view.
 //! 2. [`verdict`]: whether the photos fit their own cameras better than those of other views.
-//! 3. [`diagnose`]: if they do not, which conversion would make them fit: gsplat's or one of the usual ones.
+//! 3. [`diagnose`]: if they do not, which conversion would make them fit: gsplat's, one of the usual ones, or any other
+//!    [`similarity`].
 //! 4. [`text`] and [`page`]: the result on one screen, or as a page with the pictures side by side.
 //!
 //! [`misfit()`] looks at a few views only; every run does that before anything else.
@@ -13,6 +14,7 @@ mod diagnose;
 mod misfit;
 mod page;
 mod quaternions;
+mod similarity;
 mod text;
 mod verdict;
 
@@ -29,7 +31,8 @@ use crate::scene::{self, Bounds, ForegroundSource, MeshCounts, ObjectSource, Opt
 use crate::units::MetricScale;
 use crate::words::output::one_line;
 use crate::words::progress::Progress;
-pub use diagnose::Suggestion;
+use diagnose::Diagnosis;
+pub use diagnose::{Doubtful, Suggestion};
 pub use misfit::misfit;
 pub use page::to_html;
 pub use text::to_text;
@@ -63,6 +66,8 @@ pub struct Inspection {
     pub aligned: Option<bool>,
     /// The conversion that would align them, instead of that in the options, if they do not line up.
     pub suggestion: Option<Suggestion>,
+    /// The similarity that fits best, if none is suggested and one was searched for: no more than a guess.
+    pub doubtful: Option<Doubtful>,
 }
 
 /// The object's bounding box without strays, scene units.
@@ -140,11 +145,12 @@ impl Inspection {
     /// # Errors
     /// [`NotAligned`], which says what to try.
     pub fn require_aligned(&self) -> Result<(), NotAligned> {
-        match (self.aligned, &self.suggestion) {
-            (Some(false), Some(found)) => Err(NotAligned(format!("add --align {} to every command", found.align))),
-            (Some(false), None) => Err(NotAligned("no conversion was found that fixes it; see above".to_owned())),
-            _ => Ok(()),
-        }
+        let advice = match (&self.suggestion, &self.doubtful) {
+            (Some(found), _) => format!("add --align {} to every command", found.align),
+            (None, Some(_)) => "the best conversion that was found is doubtful; see above".to_owned(),
+            (None, None) => "no conversion was found that fixes it; see above".to_owned(),
+        };
+        if self.aligned == Some(false) { Err(NotAligned(advice)) } else { Ok(()) }
     }
 }
 
@@ -203,9 +209,9 @@ fn inspect_and_draw(
     scene.warnings.extend(quaternions::warning(&scene, &views, &fits, options)?);
     // Views that are drawn of the mesh line up with what is sampled on it.
     let verdict = if scene.mesh.is_none() { verdict::of(&scene, &views, &fits)? } else { None };
-    let suggestion = match &verdict {
-        Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, &fits, verdict)?,
-        _ => None,
+    let Diagnosis { suggestion, doubtful } = match &verdict {
+        Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, &fits, verdict, progress)?,
+        _ => Diagnosis::default(),
     };
     let foreground = views.first().map(|view| photo_with_foreground(&scene, view)).transpose()?;
     let inspection = Inspection {
@@ -225,6 +231,7 @@ fn inspect_and_draw(
         views: fits,
         aligned: verdict.map(|verdict| verdict.aligned),
         suggestion,
+        doubtful,
     };
     Ok((inspection, ShownOnPage { scene, views, _pictures: pictures }))
 }

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::{Inspection, ViewFit};
+use super::{Doubtful, Inspection, ViewFit};
 use crate::scene::{ForegroundSource, ObjectSource};
 use crate::words::output::{counted, one_line};
 
@@ -134,18 +134,27 @@ pub(super) fn verdict(inspection: &Inspection) -> Vec<(&'static str, String)> {
                 ),
             ),
         ],
-        (Some(false), None) => vec![
-            (
-                "NOT ALIGNED",
-                "photos and Gaussians do not line up, and none of the usual conversions fixes it".to_owned(),
-            ),
-            (
-                "try",
-                "the cameras that the splat was trained with (--cameras); for a nerfstudio export, its \
-                 dataparser_transforms.json beside the splat; for gsplat's trainer, points3D.bin beside COLMAP's cameras \
-                 (it moves both unless --no-normalize-world-space); or make sure that the splat is of this capture; if you know how the splat was moved, --align sim=..."
-                    .to_owned(),
-            ),
-        ],
+        (Some(false), None) => not_aligned(inspection.doubtful.as_ref()),
     }
+}
+
+/// The verdict if nothing is suggested.
+fn not_aligned(doubtful: Option<&Doubtful>) -> Vec<(&'static str, String)> {
+    let tried = match doubtful {
+        Some(_) => "neither a usual conversion nor a rotation, shift and scale that were searched for surely fixes it",
+        None => "none of the usual conversions fixes it",
+    };
+    let mut lines = vec![("NOT ALIGNED", format!("photos and Gaussians do not line up, and {tried}"))];
+    if let Some(Doubtful { align, reason, .. }) = doubtful {
+        lines.push(("doubtful", format!("--align {align}   ({reason})")));
+    }
+    lines.push((
+        "try",
+        "the cameras that the splat was trained with (--cameras); for a nerfstudio export, its dataparser_transforms.json \
+         beside the splat; for gsplat's trainer, points3D.bin beside COLMAP's cameras (it moves both unless \
+         --no-normalize-world-space); or make sure that the splat is of this capture; if you know how the splat was moved, \
+         --align sim=..."
+            .to_owned(),
+    ));
+    lines
 }

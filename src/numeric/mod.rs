@@ -8,7 +8,7 @@ pub mod nearest;
 
 use std::f64::consts::PI;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
 
 /// Half-width of a 90 % interval of a normal distribution, in standard deviations.
 pub const NORMAL_90: f64 = 1.645;
@@ -36,6 +36,19 @@ pub fn sphere_directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
         let (sin, cos) = (golden_angle * i as f64).sin_cos();
         let across = (1.0 - z * z).sqrt();
         Vector3::new(across * cos, across * sin, z)
+    })
+}
+
+/// Rotations spread evenly over all of them: super-Fibonacci spirals (Alexa 2022).
+pub fn all_rotations(count: usize) -> impl Iterator<Item = UnitQuaternion<f64>> {
+    /// The positive root of x^4 = x + 4, which the paper derives; the other irrational is the square root of two.
+    const PSI: f64 = 1.533_751_168_755_204_3;
+    (0..count).map(move |i| {
+        let at = i as f64 + 0.5;
+        let (inner, outer) = ((at / count as f64).sqrt(), (1.0 - at / count as f64).sqrt());
+        let (alpha, beta) = (2.0 * PI * at / 2.0_f64.sqrt(), 2.0 * PI * at / PSI);
+        let (x, y) = (inner * alpha.sin(), inner * alpha.cos());
+        UnitQuaternion::new_normalize(Quaternion::new(outer * beta.cos(), x, y, outer * beta.sin()))
     })
 }
 
@@ -110,6 +123,16 @@ mod tests {
         for axis in [Vector3::x(), Vector3::y(), Vector3::z(), -Vector3::z()] {
             // A cap with cosine 0.8 is a tenth of the sphere.
             assert!((45..=55).contains(&within(axis)), "{}", within(axis));
+        }
+    }
+
+    #[test]
+    fn rotations_are_spread_over_all() {
+        let rotations: Vec<_> = all_rotations(2000).collect();
+        // A ball of 30 degrees around a rotation is (a - sin a) / pi of all, 0.75 %: 15 of 2000.
+        for center in [UnitQuaternion::identity(), UnitQuaternion::from_euler_angles(1.0, 2.0, 3.0)] {
+            let near = rotations.iter().filter(|one| one.angle_to(&center) < 30f64.to_radians()).count();
+            assert!((10..=20).contains(&near), "{near}");
         }
     }
 }

@@ -184,7 +184,7 @@ impl Reading {
 }
 
 /// The same camera in the new world that `new_from_old` maps the old one to.
-pub(super) fn moved(camera_from_world: &Isometry3<f64>, new_from_old: &Similarity3<f64>) -> Isometry3<f64> {
+pub(crate) fn moved(camera_from_world: &Isometry3<f64>, new_from_old: &Similarity3<f64>) -> Isometry3<f64> {
     let world_from_camera = camera_from_world.inverse();
     let center = new_from_old * Point3::from(world_from_camera.translation.vector);
     let rotation = new_from_old.isometry.rotation * world_from_camera.rotation;
@@ -296,6 +296,13 @@ fn numbers_of(similarity: &Similarity3<f64>) -> [f64; 8] {
     let rotation = similarity.isometry.rotation;
     let [x, y, z] = similarity.isometry.translation.vector.into();
     [similarity.scaling(), rotation.w, rotation.i, rotation.j, rotation.k, x, y, z]
+}
+
+/// The same similarity, rounded to few enough digits to be typed: it moves nothing by more than a millionth of its size.
+pub(crate) fn rounded(similarity: &Similarity3<f64>) -> Similarity3<f64> {
+    const DIGITS: usize = 7;
+    let short = numbers_of(similarity).map(|value| format!("{value:.DIGITS$e}").parse().unwrap_or(value));
+    from_numbers(short).unwrap_or(*similarity)
 }
 
 fn similarity(text: &str) -> Option<Similarity3<f64>> {
