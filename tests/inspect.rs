@@ -121,7 +121,10 @@ fn the_plush_and_not_the_room_is_the_object() {
 #[track_caller]
 pub fn assert_diagnosed(name: &str, folder: &TempDir) -> String {
     let found = inspected(folder.path(), &Options::default());
-    let suggestion = found.suggestion.as_ref().unwrap_or_else(|| panic!("{name}: no suggestion: {:?}", found.views));
+    let suggestion = found
+        .suggestion
+        .as_ref()
+        .unwrap_or_else(|| panic!("{name}: no suggestion, doubtful {:?}: {:?}", found.doubtful, found.views));
     println!("{name}: {suggestion:?}");
     assert_eq!(found.aligned, Some(false), "{name}");
     assert!(to_text(&found).contains(&format!("--align {}", suggestion.align)));
