@@ -46,7 +46,7 @@ pub fn whole_line(bytes: &[u8]) {
     ply::write(&mut file, &changed, &[]).expect("memory takes everything");
     let Ok(loaded) = ply::parse(&file) else { return };
     let mut gaussians = loaded.gaussians;
-    if outliers::set_aside(&mut gaussians).is_err() {
+    if outliers::set_aside(&mut gaussians, Progress::Hidden).is_err() {
         return;
     }
     let names: Vec<String> = (0..ball.cameras.len()).map(|view| view.to_string()).collect();

@@ -94,7 +94,7 @@ impl Builder {
 
 fn load(folder: &Path, out: Option<&Path>, options: Options, watcher: Watcher) -> Result<OpenScene> {
     options.check()?;
-    let scene = crate::scene::load(folder, &options.scene)?;
+    let scene = crate::scene::load_with_progress(folder, &options.scene, Progress::Watched(&watcher, None))?;
     let tools = Tools::load(&options)?;
     crate::simulate::script_of(&options.simulate)?;
     let root = workdir::named_or(out, work_folder(folder, None))?;

@@ -86,7 +86,7 @@ impl Stored {
     /// If they are not what gprop wrote.
     pub fn field(&self) -> Result<(Gaussians, MaterialField)> {
         let (mut gaussians, field) = stored_field(self.work.root())?;
-        outliers::set_aside(&mut gaussians).map_err(SceneError::from)?;
+        outliers::set_aside(&mut gaussians, Progress::Hidden).map_err(SceneError::from)?;
         Ok((gaussians, field))
     }
 
@@ -211,7 +211,7 @@ pub fn open(
     let plan = Plan { to: last, from: None };
     let stored = Stored::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
     let options = stored.options(folder, out.is_some(), allow_read)?;
-    let scene = crate::scene::load(folder, &options.scene).map_err(SceneError::without_flag)?;
+    let scene = crate::scene::load_with_progress(folder, &options.scene, progress).map_err(SceneError::without_flag)?;
     let tools = Tools::load(&options)?;
     let Stored { work, record, command } = stored;
     let open = OpenScene::new(folder, work, scene, tools, options, Watcher { shown: progress, ..Watcher::default() })?;

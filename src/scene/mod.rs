@@ -35,6 +35,7 @@ use crate::camera::Camera;
 use crate::files;
 use crate::gaussians::Gaussians;
 use crate::units::MetricScale;
+use crate::words::progress::Progress;
 use cameras::align::{Align, Conversion};
 use cameras::{Registered, dataparser};
 
@@ -135,6 +136,14 @@ impl Scene {
 /// # Errors
 /// [`SceneError`], which says what is missing or broken, where, and what to do.
 pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
+    load_with_progress(folder, options, Progress::Hidden)
+}
+
+/// As [`load`], showing the progress of what takes seconds in a large scene.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) -> Result<Scene, SceneError> {
     options.check()?;
     if mesh::is_mesh(folder) && folder.is_file() {
         return of_mesh::load(folder, options);
@@ -162,7 +171,7 @@ pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
     let separated = object::separate(splat.gaussians, &views, options)?;
     found.notes.push(separated.note);
     let mut object = separated.object;
-    if let Some(set_aside) = object::outliers::set_aside(&mut object)? {
+    if let Some(set_aside) = object::outliers::set_aside(&mut object, progress)? {
         let kind = if set_aside.are_few() { &mut found.notes } else { &mut found.warnings };
         kind.push(set_aside.to_string());
     }

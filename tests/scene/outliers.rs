@@ -6,6 +6,7 @@ use gprop::gaussians::Gaussians;
 use gprop::scene;
 use gprop::scene::object::outliers::set_aside;
 use gprop::scene::splat::ply;
+use gprop::words::progress::Progress;
 
 use super::folder::{assert_message, hammer, options};
 use crate::vote::build::{Blob, Noise, cloud};
@@ -29,7 +30,7 @@ fn ball() -> Gaussians {
 fn found(change: impl FnOnce(&mut Gaussians)) -> Vec<usize> {
     let mut gaussians = ball();
     change(&mut gaussians);
-    let said = set_aside(&mut gaussians).unwrap();
+    let said = set_aside(&mut gaussians, Progress::Hidden).unwrap();
     let marked: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.is_set_aside(i)).collect();
     assert_eq!(said.as_ref().map_or(0, |said| said.count), marked.len());
     assert_eq!(said.map(|said| said.first), marked.first().copied());
@@ -97,16 +98,16 @@ fn a_few_hundred_wild_gaussians_do_not_make_the_others_outliers() {
 fn too_few_gaussians_or_all_in_one_point_say_nothing() {
     let big = Blob::round([0.0; 3], 9.0, 0.9);
     let mut few = cloud(&[Blob::round([1.0, 0.0, 0.0], 0.01, 0.9), big]);
-    assert_eq!(set_aside(&mut few).unwrap(), None);
+    assert_eq!(set_aside(&mut few, Progress::Hidden).unwrap(), None);
     let mut point = cloud(&[big; 100]);
-    assert_eq!(set_aside(&mut point).unwrap(), None);
+    assert_eq!(set_aside(&mut point, Progress::Hidden).unwrap(), None);
 }
 
 #[test]
 fn a_splat_of_nothing_else_is_an_error() {
     let mut gaussians = ball();
     gaussians.log_scales.iter_mut().for_each(|scales| *scales = [3.0; 3]);
-    let error = set_aside(&mut gaussians).unwrap_err();
+    let error = set_aside(&mut gaussians, Progress::Hidden).unwrap_err();
     assert!(error.to_string().contains("3000 of 3000"), "{error}");
 }
 
@@ -121,7 +122,7 @@ fn what_is_set_aside_is_transparent_and_stays_in_the_file() {
     };
     let before = bytes(&gaussians);
     let clean = ball();
-    let said = set_aside(&mut gaussians).unwrap().unwrap().to_string();
+    let said = set_aside(&mut gaussians, Progress::Hidden).unwrap().unwrap().to_string();
     assert!(said.contains("set aside 1 of 3000") && said.contains("Gaussian 2 (counted from 0)"), "{said}");
     assert_eq!(bytes(&gaussians), before);
     assert_eq!((gaussians.opacity(2), gaussians.opacity(3)), (0.0, clean.opacity(3)));
@@ -216,7 +217,7 @@ fn huge_gaussians_from_whose_ends_all_centres_are_equally_far_are_set_aside_soon
     for (i, scales) in gaussians.log_scales.iter_mut().enumerate().filter(|(i, _)| i % 2 == 0) {
         *scales = [if i % 4 == 0 { 46.0 } else { (1.0_f32 / 5.0_f32.sqrt()).ln() }; 3];
     }
-    let said = set_aside(&mut gaussians).unwrap().unwrap();
+    let said = set_aside(&mut gaussians, Progress::Hidden).unwrap().unwrap();
     assert!(said.count >= COUNT / 4, "{said}");
     assert!((0..COUNT).step_by(4).all(|i| gaussians.is_set_aside(i)));
 }

@@ -28,7 +28,7 @@ use crate::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
 use crate::numeric::nearest::Nearest;
 use crate::numeric::upper_median;
 use crate::words::output::thousands;
-use crate::words::progress;
+use crate::words::progress::Progress;
 
 /// With fewer Gaussians it is not possible to say what is usual among them.
 const LEAST_GAUSSIANS: usize = 32;
@@ -51,13 +51,13 @@ const VISITS: usize = 1024;
 /// Each may take at least this many.
 const LEAST_VISITS: usize = 512;
 /// So many suspects may take seconds, so the user is told.
-const MANY: usize = 1_000_000;
+const MANY: usize = 100_000;
 /// From an end that is farther from the box around all centres than this many times its size, all centres are equally far: the
 /// distance of the box is that of the nearest one, within a thousandth.
 const FAR: f64 = 1000.0;
 
 /// A Gaussian that reaches farther than the object's size cannot belong to the object, whatever its neighbours are
-/// like.
+/// like. If it reaches that far past the box around all centres, nothing is searched.
 const REACH_MOST: f64 = 1.0;
 /// Twice the largest excess measured.
 const EXCESS_MOST: f64 = 9.0;
@@ -105,19 +105,19 @@ impl SetAside {
 #[error("nothing is left of the splat: {0}; train it again, or export it in the units that its positions are in")]
 pub struct AllSetAside(Box<SetAside>);
 
-/// Marks the Gaussians that no cloud of this object can contain; `None` if there are none.
+/// Marks the Gaussians that no cloud of this object can contain; `None` if there are none. Many suspects take seconds, which
+/// `progress` shows.
 ///
 /// # Errors
 /// [`AllSetAside`] if no other Gaussian is left.
-pub fn set_aside(gaussians: &mut Gaussians) -> Result<Option<SetAside>, AllSetAside> {
+pub fn set_aside(gaussians: &mut Gaussians, progress: Progress) -> Result<Option<SetAside>, AllSetAside> {
     gaussians.set_aside.clear();
     let count = gaussians.len();
     let Some(core) = Core::of(gaussians) else { return Ok(None) };
-    let found = find(gaussians, &core);
-    let Some(first) = found.first() else { return Ok(None) };
+    let Some(Outliers { indices, first }) = find(gaussians, &core, progress) else { return Ok(None) };
     let center = gaussians.center(first.index);
     let set_aside = SetAside {
-        count: found.len(),
+        count: indices.len(),
         of: count,
         first: first.index,
         center,
@@ -125,11 +125,11 @@ pub fn set_aside(gaussians: &mut Gaussians) -> Result<Option<SetAside>, AllSetAs
         excess: first.excess,
         size: core.size(),
     };
-    if found.len() == count {
+    if indices.len() == count {
         return Err(AllSetAside(Box::new(set_aside)));
     }
     gaussians.set_aside = vec![false; count];
-    found.iter().for_each(|outlier| gaussians.set_aside[outlier.index] = true);
+    indices.into_iter().for_each(|index| gaussians.set_aside[index] = true);
     Ok(Some(set_aside))
 }
 
@@ -141,9 +141,41 @@ struct Reaching {
     excess: f64,
 }
 
-/// The outliers, by ascending index.
-fn find(gaussians: &Gaussians, core: &Core) -> Vec<Reaching> {
+/// The outliers of a cloud.
+struct Outliers {
+    /// Ascending.
+    indices: Vec<usize>,
+    first: Reaching,
+}
+
+/// `None` if there are no outliers.
+fn find(gaussians: &Gaussians, core: &Core, progress: Progress) -> Option<Outliers> {
     let size = core.size();
+    let suspects = suspects(gaussians, size, core);
+    if suspects.is_empty() {
+        return None;
+    }
+    let around = Core::around_all(gaussians);
+    let reaches_past_all = |&i: &usize| ends(gaussians, i).any(|end| around.distance(end) > REACH_MOST * size);
+    let (far, near): (Vec<usize>, Vec<usize>) = suspects.into_par_iter().partition(reaches_past_all);
+    let centers = Centers::of(gaussians, around, near.len());
+    let measured = measured(gaussians, &near, &centers, progress);
+    let unusual = measured.iter().filter(|one| one.excess > UNUSUAL_EXCESS).count();
+    let is_crowd = (far.len() + unusual) as f64 > CROWD * gaussians.len() as f64;
+    let is_outlier = |one: &&Reaching| {
+        one.reach > REACH_MOST * size
+            || one.excess > EXCESS_MOST
+            || (one.excess > UNUSUAL_EXCESS && (is_crowd || one.reach > LONG_REACH * size))
+    };
+    let mut indices = far;
+    indices.extend(measured.iter().filter(is_outlier).map(|one| one.index));
+    indices.par_sort_unstable();
+    let first = Reaching::of(gaussians, *indices.first()?, &centers);
+    Some(Outliers { indices, first })
+}
+
+/// The Gaussians that are large for this cloud or lie outside of it.
+fn suspects(gaussians: &Gaussians, size: f64, core: &Core) -> Vec<usize> {
     let usual = upper_median((0..gaussians.len()).map(|i| gaussians.scale(i).max()).collect()).unwrap_or_default();
     let is_suspect = |&i: &usize| {
         let largest = gaussians.scale(i).max();
@@ -151,26 +183,36 @@ fn find(gaussians: &Gaussians, core: &Core) -> Vec<Reaching> {
             || ELLIPSOID_DEVIATIONS * largest > REACH_MOST * size
             || core.distance(gaussians.center(i)) > OUTSIDE * size
     };
-    let suspects: Vec<usize> = (0..gaussians.len()).into_par_iter().filter(is_suspect).collect();
-    if suspects.is_empty() {
-        return Vec::new();
-    }
-    if suspects.len() >= MANY {
-        let (many, all) = (thousands(suspects.len() as u64), thousands(gaussians.len() as u64));
-        progress::notice(&format!(
+    (0..gaussians.len()).into_par_iter().filter(is_suspect).collect()
+}
+
+/// The reach and the excess of the Gaussians at `indices`, in their order.
+fn measured(gaussians: &Gaussians, indices: &[usize], centers: &Centers, progress: Progress) -> Vec<Reaching> {
+    /// Steps of the bar.
+    const TOGETHER: usize = 4096;
+    if indices.len() >= MANY {
+        let (many, all) = (thousands(indices.len() as u64), thousands(gaussians.len() as u64));
+        progress.line(&format!(
             "{many} of {all} Gaussians are far larger than the others or lie outside of them; looking at each may take a minute"
         ));
     }
-    let centers = Centers::of(gaussians, suspects.len());
-    let measured: Vec<Reaching> = suspects.into_par_iter().map(|i| Reaching::of(gaussians, i, &centers)).collect();
-    let unusual = measured.iter().filter(|one| one.excess > UNUSUAL_EXCESS).count();
-    let is_crowd = unusual as f64 > CROWD * gaussians.len() as f64;
-    let is_outlier = |one: &Reaching| {
-        one.reach > REACH_MOST * size
-            || one.excess > EXCESS_MOST
-            || (one.excess > UNUSUAL_EXCESS && (is_crowd || one.reach > LONG_REACH * size))
+    let bar = progress.bar("outliers", indices.len() as u64).with_message("Gaussians");
+    let of_some = |some: &[usize]| -> Vec<Reaching> {
+        let measured = some.iter().map(|&i| Reaching::of(gaussians, i, centers)).collect();
+        bar.inc(some.len() as u64);
+        measured
     };
-    measured.into_iter().filter(is_outlier).collect()
+    let measured = indices.par_chunks(TOGETHER).flat_map_iter(of_some).collect();
+    bar.finish_and_clear();
+    measured
+}
+
+/// The six ends of a Gaussian's ellipsoid.
+fn ends(gaussians: &Gaussians, i: usize) -> impl Iterator<Item = Point3<f64>> {
+    let center = gaussians.center(i);
+    let turn = gaussians.rotation(i).to_rotation_matrix().into_inner();
+    let axes = turn * Matrix3::from_diagonal(&(gaussians.scale(i) * ELLIPSOID_DEVIATIONS));
+    (0..3).flat_map(move |axis| [center + axes.column(axis), center - axes.column(axis)])
 }
 
 impl Reaching {
@@ -179,8 +221,6 @@ impl Reaching {
         let around = centers.near(place, NEIGHBOURS, place);
         let size = ELLIPSOID_DEVIATIONS
             * upper_median(around.map(|(_, j)| gaussians.scale(j).max()).collect()).unwrap_or_default();
-        let turn = gaussians.rotation(i).to_rotation_matrix().into_inner();
-        let axes = turn * Matrix3::from_diagonal(&(gaussians.scale(i) * ELLIPSOID_DEVIATIONS));
         let distance = |end: Point3<f64>| match centers.around.distance(end) {
             far if far > FAR * centers.around.size() => far,
             _ => {
@@ -188,9 +228,7 @@ impl Reaching {
                 nearest.map_or(0.0, |(squared, _)| f64::from(squared).sqrt())
             }
         };
-        let center = gaussians.center(i);
-        let ends = axes.column_iter().flat_map(|axis| [center + axis, center - axis]);
-        let reach = ends.map(distance).fold(0.0, f64::max);
+        let reach = ends(gaussians, i).map(distance).fold(0.0, f64::max);
         Self { index: i, reach, excess: reach / size }
     }
 }
@@ -208,18 +246,15 @@ struct Centers {
 }
 
 impl Centers {
-    /// The centres of a cloud to which the ends of this many suspects are searched.
-    fn of(gaussians: &Gaussians, suspects: usize) -> Self {
+    /// The centres of a cloud, which lie in the box `around`, and to which the ends of this many suspects are searched.
+    fn of(gaussians: &Gaussians, around: Core, suspects: usize) -> Self {
         let key = |i: &u32| gaussians.positions[*i as usize].map(|side| (side + 0.0).to_bits());
         let mut first: Vec<u32> = (0..gaussians.len() as u32).collect();
         first.par_sort_unstable_by_key(|i| (key(i), *i));
         first.dedup_by_key(|i| key(i));
         let positions: Vec<[f32; 3]> = first.iter().map(|&i| gaussians.positions[i as usize]).collect();
-        let side = |axis: usize| positions.iter().map(move |position| f64::from(position[axis]));
-        let low = std::array::from_fn(|axis| side(axis).fold(f64::INFINITY, f64::min)).into();
-        let high = std::array::from_fn(|axis| side(axis).fold(f64::NEG_INFINITY, f64::max)).into();
         let visits = visits(gaussians.len(), suspects);
-        Self { places: Nearest::new(positions.iter().copied()), around: Core { low, high }, visits, first, positions }
+        Self { places: Nearest::new(positions.iter().copied()), around, visits, first, positions }
     }
 
     /// Squared distance and Gaussian of the `count` positions nearest to a point, excluding the position `own`.
@@ -232,7 +267,7 @@ impl Centers {
 
 /// How many visits each search may take among this many Gaussians with this many suspects.
 fn visits(gaussians: usize, suspects: usize) -> usize {
-    (VISITS * gaussians / (SEARCHES * suspects)).max(LEAST_VISITS)
+    (VISITS * gaussians / (SEARCHES * suspects.max(1))).max(LEAST_VISITS)
 }
 
 /// The box around most of the centres.
@@ -257,6 +292,14 @@ impl Core {
         }
         let core = Self { low, high };
         (core.size() > 0.0).then_some(core)
+    }
+
+    /// The box around all centres.
+    fn around_all(gaussians: &Gaussians) -> Self {
+        let side = |axis: usize| gaussians.positions.iter().map(move |position| f64::from(position[axis]));
+        let low = std::array::from_fn(|axis| side(axis).fold(f64::INFINITY, f64::min)).into();
+        let high = std::array::from_fn(|axis| side(axis).fold(f64::NEG_INFINITY, f64::max)).into();
+        Self { low, high }
     }
 
     fn size(&self) -> f64 {
