@@ -5,18 +5,18 @@
 //!    own scale; conversions after which some view would not even have the object in its picture are discarded without
 //!    rendering. If none fits, the most common of them are tried with the camera centres scaled. The best candidates are
 //!    rendered for more views; the winner's scale is refined.
-//! 3. Any other [similarity](super::similarity), if none of these fits well.
+//! 3. Any other [similarity](super::similarity), which is searched for only if none of these fits.
 //!
 //! The first of these after which the photos fit the splat, by the same rules as for the cameras as they are, is suggested.
 //! A similarity that was searched for must also be clearly better than any other on photos that the search has not seen; if
-//! not, it is shown as doubtful.
+//! not, it is shown as doubtful. One that leaves the object where it is says nothing, and is not shown.
 
 use nalgebra::{Isometry3, Point3, Similarity3};
 use serde::Serialize;
 
 use super::similarity::{self, Found};
 use super::verdict::{self, MOST_VIEWS, Small, Verdict, correlation, picture, small_views};
-use super::{ViewFit, compare};
+use super::{ViewFit, compare, samples};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
@@ -77,9 +77,6 @@ const FINALISTS: usize = 6;
 const FIRST_GAUSSIANS: usize = 5_000;
 /// Maximum number of Gaussians rendered in the search: those that cover most of the picture.
 const MOST_GAUSSIANS: usize = 40_000;
-/// A usual conversion with at least this correlation needs no other similarity to be searched for: what is off by a pixel of
-/// the small pictures has less.
-const SURE_CORRELATION: f64 = 0.95;
 /// Share of the object that each view must have in its picture for a candidate to be rendered.
 const LEAST_IN_PICTURE: f64 = 0.3;
 
@@ -99,18 +96,18 @@ pub(super) fn suggest(
         views: views.iter().step_by(step).map(as_in_file).collect(),
         correlation_before: verdict.correlation,
         psnr_before_db: median_psnr(fits.iter().step_by(step)),
+        progress,
     };
     if let Some(found) = trial.of_gsplat()? {
         return Ok(Some(found).into());
     }
-    let usual = trial.usual()?;
-    if usual.as_ref().is_some_and(|usual| usual.correlation_after >= SURE_CORRELATION) {
-        return Ok(usual.into());
+    if let Some(found) = trial.usual()? {
+        return Ok(Some(found).into());
     }
     let all: Vec<View> = views.iter().map(as_in_file).collect();
     match similarity::search(scene, &all, progress)? {
-        Some(found) => trial.of_search(&found, usual),
-        None => Ok(usual.into()),
+        Some(found) if found.moves_object() => trial.of_search(&found),
+        _ => Ok(Diagnosis::default()),
     }
 }
 
@@ -121,6 +118,7 @@ struct Trial<'a> {
     views: Vec<View>,
     correlation_before: f64,
     psnr_before_db: f64,
+    progress: Progress<'a>,
 }
 
 impl Trial<'_> {
@@ -134,8 +132,8 @@ impl Trial<'_> {
     fn tried(&self, align: &Align, conversion: &Conversion) -> Result<(Suggestion, bool), SceneError> {
         let after = |view: &View| seen_from(view, conversion.apply(&view.camera.camera_from_world));
         let views: Vec<View> = self.views.iter().map(after).collect();
-        let fits = compare::compare(self.scene, &views, Progress::Hidden)?;
-        let verdict = verdict::of(self.scene, &views, &fits)?;
+        let fits = compare::compare(self.scene, &views, self.progress)?;
+        let verdict = verdict::of(self.scene, &views, &fits, self.progress)?;
         let psnr_after_db = median_psnr(fits.iter());
         let aligned = verdict.as_ref().is_some_and(|verdict| verdict.aligned);
         let suggestion = Suggestion {
@@ -149,14 +147,10 @@ impl Trial<'_> {
         Ok((suggestion, aligned && psnr_after_db >= self.psnr_before_db + LEAST_GAIN_DB))
     }
 
-    /// What was searched for and found, unless the best of the `usual` conversions explains the photos about as well.
-    fn of_search(&self, found: &Found, usual: Option<Suggestion>) -> Result<Diagnosis, SceneError> {
+    /// What was searched for and found: a suggestion if the photos fit with it and it is clearly the best.
+    fn of_search(&self, found: &Found) -> Result<Diagnosis, SceneError> {
         let conversion = Conversion { similarity: rounded_similarity(&found.similarity), ..Conversion::default() };
         let (mut suggestion, fits) = self.tried(&Align::By(conversion), &conversion)?;
-        let beats = |usual: &Suggestion| fits && suggestion.psnr_after_db >= usual.psnr_after_db + LEAST_GAIN_DB;
-        if usual.as_ref().is_some_and(|usual| !beats(usual)) {
-            return Ok(usual.into());
-        }
         let reason = match (fits, found.is_clear()) {
             (true, true) => {
                 suggestion.meaning.push_str(&format!("; {}", found.judgement()));
@@ -194,9 +188,9 @@ impl Trial<'_> {
             views: small_views(self.scene, &self.views)?,
             options: RenderOptions::default(),
         };
-        let mut best = search.best(&at_own_scale());
+        let mut best = search.best(&at_own_scale(), self.progress);
         if best.1 < LEAST_CORRELATION {
-            let mut scaled = search.best(&at_other_scales());
+            let mut scaled = search.best(&at_other_scales(), self.progress);
             search.refine(&mut scaled);
             if scaled.1 > best.1 {
                 best = scaled;
@@ -240,11 +234,17 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// The conversion whose views correlate best, and their correlation.
-    fn best(&self, candidates: &[Conversion]) -> (Conversion, f64) {
-        let possible = candidates.iter().filter(|conversion| self.shows_object(conversion));
+    fn best(&self, candidates: &[Conversion], progress: Progress) -> (Conversion, f64) {
+        let possible: Vec<&Conversion> = candidates.iter().filter(|conversion| self.shows_object(conversion)).collect();
         let first = &self.views[..self.views.len().min(FIRST_VIEWS)];
-        let mut ranked: Vec<(Conversion, f64)> =
-            possible.map(|c| (*c, self.correlation(c, &self.coarse, first))).collect();
+        let bar = progress.bar("align", possible.len() as u64).with_message("conversions tried");
+        let tried = |conversion: &Conversion| {
+            let correlation = self.correlation(conversion, &self.coarse, first);
+            bar.inc(1);
+            (*conversion, correlation)
+        };
+        let mut ranked: Vec<(Conversion, f64)> = possible.into_iter().map(tried).collect();
+        bar.finish_and_clear();
         ranked.sort_by(|a, b| b.1.total_cmp(&a.1));
         ranked.truncate(FINALISTS);
         let finals = ranked.into_iter().map(|(c, _)| (c, self.correlation(&c, &self.cloud, &self.views)));
@@ -349,12 +349,6 @@ fn reduced(cloud: &Gaussians) -> Gaussians {
     let least = sorted[cloud.len() - MOST_GAUSSIANS];
     reduced.retain(&covers.iter().map(|cover| *cover >= least).collect::<Vec<_>>());
     reduced
-}
-
-fn samples(gaussians: &Gaussians) -> Vec<Point3<f64>> {
-    const SAMPLES: usize = 300;
-    let step = (gaussians.len() / SAMPLES).max(1);
-    (0..gaussians.len()).step_by(step).map(|i| gaussians.center(i)).collect()
 }
 
 /// Describes a conversion in words.

@@ -12,6 +12,7 @@ use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
+use crate::words::progress::Progress;
 
 /// Number of views looked at.
 const VIEWS: usize = 4;
@@ -36,7 +37,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
             format!("the object's outlines in the photos and in the splat overlap by only {:.0} % (IoU)", 100.0 * iou)
         }
         Some(_) => return Ok(None),
-        None => match verdict::of(scene, &few, &[])? {
+        None => match verdict::of(scene, &few, &[], Progress::Hidden)? {
             Some(verdict) if verdict.correlation < LEAST_CORRELATION => {
                 format!("photos and splat differ: their correlation is only {:.2}", verdict.correlation)
             }

@@ -21,12 +21,14 @@ mod verdict;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
 
+use nalgebra::Point3;
 use serde::Serialize;
 use tempfile::TempDir;
 
 use crate::error::UsageError;
 use crate::files::write::{self, Folder};
 use crate::from_splat::{photo_with_foreground, render_views};
+use crate::gaussians::Gaussians;
 use crate::scene::{self, Bounds, ForegroundSource, MeshCounts, ObjectSource, Options, Scene, SceneError, View};
 use crate::units::MetricScale;
 use crate::words::output::one_line;
@@ -195,7 +197,7 @@ fn inspect_and_draw(
     only_chosen: bool,
     progress: Progress,
 ) -> Result<(Inspection, ShownOnPage), SceneError> {
-    let mut scene = load(folder, options)?;
+    let mut scene = load(folder, options, progress)?;
     let pictures = draw_mesh(&mut scene, options)?;
     if let Some((scale, warnings)) = scene.scale_in_photos(&options.scale)? {
         scene.scale = Some(scale);
@@ -208,7 +210,7 @@ fn inspect_and_draw(
     let fits = compare::compare(&scene, &views, progress)?;
     scene.warnings.extend(quaternions::warning(&scene, &views, &fits, options)?);
     // Views that are drawn of the mesh line up with what is sampled on it.
-    let verdict = if scene.mesh.is_none() { verdict::of(&scene, &views, &fits)? } else { None };
+    let verdict = if scene.mesh.is_none() { verdict::of(&scene, &views, &fits, progress)? } else { None };
     let Diagnosis { suggestion, doubtful } = match &verdict {
         Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, &fits, verdict, progress)?,
         _ => Diagnosis::default(),
@@ -247,14 +249,14 @@ fn draw_mesh(scene: &mut Scene, options: &Options) -> Result<Option<TempDir>, Sc
 }
 
 /// Loads the scene, without views if it has no cameras or no photos.
-fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
+fn load(folder: &Path, options: &Options, progress: Progress) -> Result<Scene, SceneError> {
     let without_views = |reason: SceneError| {
         let options = Options { render_views: Some(NonZeroUsize::MIN), ..options.clone() };
-        let mut scene = scene::load(folder, &options)?;
+        let mut scene = scene::load_with_progress(folder, &options, progress)?;
         scene.warnings.push(reason.to_string());
         Ok(scene)
     };
-    match scene::load(folder, options) {
+    match scene::load_with_progress(folder, options, progress) {
         Err(reason @ (SceneError::NoCameras { .. } | SceneError::NoPhotos { .. })) => without_views(reason),
         outcome => outcome,
     }
@@ -271,4 +273,11 @@ fn cameras(scene: &Scene) -> Option<Cameras> {
         distorted: scene.views.iter().any(|view| !view.camera.intrinsics.distortion.is_none()),
         distance: [distances.clone().fold(f64::INFINITY, f64::min), distances.fold(0.0, f64::max)],
     })
+}
+
+/// Centres of some hundreds of the object's Gaussians, in the world frame.
+fn samples(gaussians: &Gaussians) -> Vec<Point3<f64>> {
+    const SAMPLES: usize = 300;
+    let step = (gaussians.len() / SAMPLES).max(1);
+    (0..gaussians.len()).step_by(step).map(|i| gaussians.center(i)).collect()
 }

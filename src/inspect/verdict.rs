@@ -11,6 +11,7 @@ use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
+use crate::words::progress::Progress;
 
 /// Longest side of the small pictures in pixels.
 const SIDE: u32 = 96;
@@ -47,14 +48,26 @@ pub(super) struct Small {
 }
 
 /// `None` if there are no views.
-pub(super) fn of(scene: &Scene, views: &[View], fits: &[ViewFit]) -> Result<Option<Verdict>, SceneError> {
+pub(super) fn of(
+    scene: &Scene,
+    views: &[View],
+    fits: &[ViewFit],
+    progress: Progress,
+) -> Result<Option<Verdict>, SceneError> {
     if views.is_empty() {
         return Ok(None);
     }
     let small = small_views(scene, views)?;
     let cloud = scene.whole_cloud();
     let options = RenderOptions::default();
-    let rendered: Vec<Vec<f32>> = small.iter().map(|view| picture(&cloud, &view.camera, &options)).collect();
+    let bar = progress.bar("inspect", small.len() as u64).with_message("small views");
+    let drawn = |view: &Small| {
+        let picture = picture(&cloud, &view.camera, &options);
+        bar.inc(1);
+        picture
+    };
+    let rendered: Vec<Vec<f32>> = small.iter().map(drawn).collect();
+    bar.finish_and_clear();
     let correlations = small.iter().zip(&rendered).map(|(view, rendered)| correlation(&view.picture, rendered));
     let correlation_with_own = upper_median(correlations.collect()).unwrap_or_default();
     let center = scene.object_bounds().center();

@@ -4,7 +4,7 @@
 //! 1. [`anchor`]: guesses of all but the rotation, from what the cameras look at and where the splat is finest.
 //! 2. [`templates`]: the rotations that fit each guess best, from small pictures of the splat from all sides.
 //! 3. [`refine`]: the best of them all are refined on larger and sharper pictures, fewer at each size; of those that have
-//!    become the same, one is kept.
+//!    become the same, one is kept, and the next best takes its place.
 //!
 //! [`pictures`] reduces and blurs the photos, [`merge`] the splat. Every third photo is held apart from the search: on these
 //! the best placement is judged, against the best one that is not the same.
@@ -15,18 +15,20 @@ mod pictures;
 mod refine;
 mod templates;
 
-use nalgebra::Similarity3;
+use nalgebra::{Point3, Similarity3};
 use rayon::prelude::*;
 
 use super::compare::EQUAL_DB;
+use super::samples;
 use super::verdict::Small;
+use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
 use crate::scene::{Scene, SceneError, View};
 use crate::words::progress::{Bar, Progress};
 use anchor::{Anchor, anchors};
 use merge::merged;
-use pictures::{LARGEST, Reduced, blur, drawn};
+use pictures::{LARGEST, Reduced, after, blur, drawn};
 use refine::{Fitted, Problem};
 use templates::Templates;
 
@@ -39,14 +41,24 @@ pub(super) struct Found {
     pub psnr_db: f64,
     /// The same with the next best placement; `None` if there is no other.
     pub next_psnr_db: Option<f64>,
+    /// Median distance, in pixels of the largest pictures, by which it moves points of the object there.
+    pub moved_px: f64,
 }
 
 /// Minimum lead of the best placement over the next, in dB of PSNR: half of the squared error. What was seen of it is little:
-/// right placements of objects and of a room led by 10 dB or more, of splats thinned to a quarter by 4.4 or more, and the best
-/// of two splats that were another object's by 0.1 at most.
+/// right placements of objects and of a room led by 10 dB or more, of splats thinned to a quarter, which fit their photos badly
+/// even there, by 2 to 5, and the best of two splats that were another object's by 0.1 at most.
 const LEAST_LEAD_DB: f64 = 3.0;
 
+/// Derivatives are differences over about a pixel of the largest pictures ([`refine`]): less than that is not resolved.
+const LEAST_MOVE_PX: f64 = 1.0;
+
 impl Found {
+    /// Whether it differs from where the cameras are now.
+    pub fn moves_object(&self) -> bool {
+        self.moved_px >= LEAST_MOVE_PX
+    }
+
     /// Whether the placement is clearly better than any other.
     pub fn is_clear(&self) -> bool {
         self.next_psnr_db.is_none_or(|next| self.psnr_db >= next + LEAST_LEAD_DB)
@@ -86,13 +98,16 @@ struct Round {
 
 /// Maximum number of Gaussians that the search draws.
 const MOST_GAUSSIANS: usize = 40_000;
+/// The same for derivatives.
+const SKETCH_GAUSSIANS: usize = 4_000;
 
+/// The next best placement is refined as far as the best, which it may turn out to be.
 const ROUNDS: [Round; 5] = [
     Round { side: 24, passes: 6, views: 4, gaussians: 500, candidates: 64, steps: 5 },
     Round { side: 32, passes: 3, views: 6, gaussians: 1_500, candidates: 16, steps: 8 },
     Round { side: 48, passes: 2, views: 6, gaussians: 4_000, candidates: 6, steps: 7 },
     Round { side: 96, passes: 2, views: 6, gaussians: 8_000, candidates: 2, steps: 6 },
-    Round { side: LARGEST, passes: 1, views: 4, gaussians: MOST_GAUSSIANS, candidates: 1, steps: 6 },
+    Round { side: LARGEST, passes: 1, views: 4, gaussians: MOST_GAUSSIANS, candidates: 2, steps: 6 },
 ];
 
 /// Two placements are one if they differ by less than each of these: the rotation in radians, the shift in radii of the
@@ -115,12 +130,24 @@ pub(super) fn search(scene: &Scene, views: &[View], progress: Progress) -> Resul
     };
     let cloud = scene.whole_cloud();
     let search = Search { cloud: &cloud, photos: reduced(&seen)?, apart: reduced(&apart)? };
-    Ok(search.best(progress))
+    let Some(best) = search.best(progress) else { return Ok(None) };
+    Ok(Some(Found {
+        similarity: best.similarity,
+        psnr_db: search.psnr_apart_db(&best.similarity),
+        next_psnr_db: best.next.map(|next| search.psnr_apart_db(&next)),
+        moved_px: search.moved_px(scene, &best.similarity),
+    }))
 }
 
 /// At most `most` of the values, evenly spread.
 fn spread<T>(values: &[T], most: usize) -> impl Iterator<Item = &T> {
     values.iter().step_by(values.len().div_ceil(most).max(1))
+}
+
+/// The placement that fits the photos best, and the next best.
+struct Best {
+    similarity: Similarity3<f64>,
+    next: Option<Similarity3<f64>>,
 }
 
 struct Search<'a> {
@@ -131,28 +158,23 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    fn best(&self, progress: Progress) -> Option<Found> {
+    fn best(&self, progress: Progress) -> Option<Best> {
         let anchors = anchors(self.cloud, &self.photos);
         let finest = merged(self.cloud, MOST_GAUSSIANS);
         let templates = Templates::new(&finest, &self.photos, anchors.first()?)?;
         let refined: usize = ROUNDS.iter().map(|round| round.candidates).sum();
         let bar = progress.bar("align", (anchors.len() + refined) as u64).with_message("placements tried");
         let mut found = ranked(&anchors, &templates, &bar);
-        let mut next = None;
         for round in &ROUNDS {
             found = self.refined(&found, round, &finest, &anchors[0]);
             bar.inc(round.candidates as u64);
-            let best = found.first()?;
-            // If all have become one, the last other that there was.
-            next = found.get(1).copied().or(next.filter(|next| !are_same(best, next, &anchors[0])));
         }
         bar.finish_and_clear();
-        let best = found.first()?.similarity;
-        let next_psnr_db = next.map(|next| self.psnr_apart_db(&next.similarity));
-        Some(Found { similarity: best, psnr_db: self.psnr_apart_db(&best), next_psnr_db })
+        Some(Best { similarity: found.first()?.similarity, next: found.get(1).map(|next| next.similarity) })
     }
 
-    /// The best of `starts` after this round, those that have become the same only once, best first.
+    /// The best of `starts` after this round, best first, those that have become the same only once; then the others, which it
+    /// leaves as they are.
     fn refined(&self, starts: &[Fitted], round: &Round, finest: &Gaussians, anchor: &Anchor) -> Vec<Fitted> {
         let cloud = merged(finest, round.gaussians);
         let view = |photo: &Reduced| {
@@ -162,10 +184,13 @@ impl Search<'_> {
         };
         let views: Vec<Small> = spread(&self.photos, round.views).map(view).collect();
         let (center, radius) = (anchor.place, anchor.radius);
-        let problem = Problem { cloud: &cloud, views: &views, passes: round.passes, center, radius };
-        let refine = |start: &Fitted| problem.refined(start.similarity, round.steps);
-        let best: Vec<&Fitted> = starts.iter().take(round.candidates).collect();
-        distinct(best.into_par_iter().map(refine).collect(), round.candidates, anchor)
+        let sketch = merged(&cloud, SKETCH_GAUSSIANS);
+        let problem = Problem { cloud: &cloud, sketch: &sketch, views: &views, passes: round.passes, center, radius };
+        let (best, others) = starts.split_at(round.candidates.min(starts.len()));
+        let refined = best.par_iter().map(|start| problem.refined(start.similarity, round.steps)).collect();
+        let mut found = sorted(refined);
+        found.extend(others);
+        distinct(found, starts.len(), anchor)
     }
 
     fn psnr_apart_db(&self, similarity: &Similarity3<f64>) -> f64 {
@@ -177,6 +202,25 @@ impl Search<'_> {
         };
         upper_median(self.apart.par_iter().map(psnr_db).collect()).unwrap_or_default()
     }
+
+    /// The median distance, in pixels of the reduced photos, between points of the object as the cameras show them now and
+    /// after the similarity; points that only one of the two shows are infinitely far.
+    fn moved_px(&self, scene: &Scene, similarity: &Similarity3<f64>) -> f64 {
+        let points = samples(&scene.gaussians);
+        let moved_in = |camera: &Camera| -> Vec<f64> {
+            let camera_from_world = scene.conversion.apply(&camera.camera_from_world);
+            let (before, after) = (Camera { camera_from_world, ..camera.clone() }, after(camera, similarity));
+            let pixel = |camera: &Camera, point: &Point3<f64>| camera.pixel(camera.point_in_camera(*point));
+            let distance = |point| match (pixel(&before, point), pixel(&after, point)) {
+                (Some(before), Some(after)) => Some((after - before).norm()),
+                (None, None) => None,
+                _ => Some(f64::INFINITY),
+            };
+            points.iter().filter_map(distance).collect()
+        };
+        let photos = self.photos.iter().chain(&self.apart);
+        upper_median(photos.flat_map(|photo| moved_in(&photo.camera)).collect()).unwrap_or(f64::INFINITY)
+    }
 }
 
 /// Starts from all anchors, best first; their errors are negative scores.
@@ -185,15 +229,20 @@ fn ranked(anchors: &[Anchor], templates: &Templates, bar: &Bar) -> Vec<Fitted> {
     for anchor in anchors {
         let scored = templates.scored(anchor).into_iter();
         let fitted = scored.map(|one| Fitted { similarity: anchor.similarity(one.rotation), error: -one.score });
-        starts.extend(distinct(fitted.collect(), FROM_ANCHOR, anchor));
+        starts.extend(distinct(sorted(fitted.collect()), FROM_ANCHOR, anchor));
         bar.inc(1);
     }
-    distinct(starts, ROUNDS[0].candidates, &anchors[0])
+    distinct(sorted(starts), ROUNDS[0].candidates, &anchors[0])
 }
 
-/// The best `count` of those that are not the same, best first; ties keep their order.
-fn distinct(mut fitted: Vec<Fitted>, count: usize, anchor: &Anchor) -> Vec<Fitted> {
+/// Best first; ties keep their order.
+fn sorted(mut fitted: Vec<Fitted>) -> Vec<Fitted> {
     fitted.sort_by(|a, b| a.error.total_cmp(&b.error));
+    fitted
+}
+
+/// The first `count` of those that are not the same.
+fn distinct(fitted: Vec<Fitted>, count: usize, anchor: &Anchor) -> Vec<Fitted> {
     let mut kept: Vec<Fitted> = Vec::with_capacity(count);
     for one in fitted {
         if kept.len() == count {

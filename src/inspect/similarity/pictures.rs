@@ -8,7 +8,7 @@ use crate::camera::{Camera, Intrinsics};
 use crate::gaussians::Gaussians;
 use crate::inspect::compare::as_the_splat_shows;
 use crate::inspect::verdict::{Small, picture, resized};
-use crate::render::RenderOptions;
+use crate::render::{RenderOptions, render};
 use crate::scene::cameras::align::moved;
 use crate::scene::{ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
 
@@ -84,8 +84,18 @@ fn smaller(camera: &Camera, side: u32) -> Camera {
 
 /// The splat as the camera sees it after the similarity, from the cameras' world to the splat's.
 pub(super) fn drawn(cloud: &Gaussians, camera: &Camera, similarity: &Similarity3<f64>) -> Vec<f32> {
-    let camera = Camera { camera_from_world: moved(&camera.camera_from_world, similarity), ..camera.clone() };
-    picture(cloud, &camera, &RenderOptions::default())
+    picture(cloud, &after(camera, similarity), &RenderOptions::default())
+}
+
+/// As [`drawn`], in a quarter of the pixels: thin things are wider than they should be, but move as they do there.
+pub(super) fn sketched(cloud: &Gaussians, camera: &Camera, similarity: &Similarity3<f64>) -> Vec<f32> {
+    let picture = render(cloud, &after(camera, similarity), &RenderOptions::default());
+    picture.rgb.iter().zip(&picture.alpha).flat_map(|(color, alpha)| color.map(|value| value + 1.0 - alpha)).collect()
+}
+
+/// The camera in the splat's world.
+pub(super) fn after(camera: &Camera, similarity: &Similarity3<f64>) -> Camera {
+    Camera { camera_from_world: moved(&camera.camera_from_world, similarity), ..camera.clone() }
 }
 
 /// The outline of something in a picture: its centre and its root mean square radius in pixels.

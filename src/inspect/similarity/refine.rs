@@ -1,10 +1,11 @@
 //! Refines a similarity by the Levenberg-Marquardt method: its seven parameters are changed so that the sum of squared
-//! differences between the photos and the splat's pictures falls. Derivatives are differences of pictures.
+//! differences between the photos and the splat's pictures falls. Derivatives are differences of pictures; these are drawn
+//! in less detail than what is compared with the photos, since they only say which way to go.
 
 use nalgebra::{Point3, SMatrix, SVector, Similarity3, Translation3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 
-use super::pictures::{blur, drawn};
+use super::pictures::{blur, drawn, sketched};
 use crate::gaussians::Gaussians;
 use crate::inspect::verdict::Small;
 
@@ -21,6 +22,8 @@ const ATTEMPTS: usize = 3;
 /// The photos and the splat that a similarity is to bring together.
 pub(super) struct Problem<'a> {
     pub cloud: &'a Gaussians,
+    /// The same in fewer Gaussians, for the derivatives.
+    pub sketch: &'a Gaussians,
     /// Blurred `passes` times.
     pub views: &'a [Small],
     /// How often what is drawn is blurred before it is compared: thin things that do not overlap attract each other only if
@@ -94,7 +97,14 @@ impl Problem<'_> {
     }
 
     fn drawn(&self, view: &Small, similarity: &Similarity3<f64>) -> Vec<f32> {
-        let mut picture = drawn(self.cloud, &view.camera, similarity);
+        self.blurred(view, drawn(self.cloud, &view.camera, similarity))
+    }
+
+    fn sketched(&self, view: &Small, similarity: &Similarity3<f64>) -> Vec<f32> {
+        self.blurred(view, sketched(self.sketch, &view.camera, similarity))
+    }
+
+    fn blurred(&self, view: &Small, mut picture: Vec<f32>) -> Vec<f32> {
         blur(&mut picture, view.camera.intrinsics.width as usize, self.passes);
         picture
     }
@@ -123,17 +133,18 @@ impl Problem<'_> {
         let pictured = self.drawn(view, similarity);
         // About a pixel's worth of movement at the edge of the object.
         let difference = 2.0 / f64::from(view.camera.intrinsics.width.max(view.camera.intrinsics.height));
+        let unchanged = self.sketched(view, similarity);
         let changed: Vec<Vec<f32>> = (0..PARAMETERS)
             .map(|parameter| {
                 let mut step = Step::zeros();
                 step[parameter] = difference;
-                self.drawn(view, &self.stepped(similarity, &step))
+                self.sketched(view, &self.stepped(similarity, &step))
             })
             .collect();
         let mut slope = Slope { sum: 0.0, gradient: Step::zeros(), normal: Normal::zeros() };
         for (at, (value, photo)) in pictured.iter().zip(&view.picture).enumerate() {
             let residual = f64::from(value - photo);
-            let along = Step::from_fn(|parameter, _| f64::from(changed[parameter][at] - value) / difference);
+            let along = Step::from_fn(|parameter, _| f64::from(changed[parameter][at] - unchanged[at]) / difference);
             slope.sum += residual * residual;
             slope.gradient += along * residual;
             slope.normal += along * along.transpose();
