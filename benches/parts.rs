@@ -12,9 +12,8 @@ use gprop::gaussians::Gaussians;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::Surface;
 use gprop::grasp::{self, grasp};
-use gprop::materials::Law;
+use gprop::materials::MaterialLibrary;
 use gprop::parts::{self, parts};
-use gprop::query::Form;
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, MetricScale, ScaleSource};
 use gprop::vote::{FieldLabel, MaterialField};
@@ -27,22 +26,9 @@ fn hammer() -> Scene {
 }
 
 fn label(id: u32, density_kg_m3: f64) -> FieldLabel {
-    FieldLabel {
-        id,
-        caption: format!("part {id}"),
-        material: "wood".to_owned(),
-        family: "wood".to_owned(),
-        density_kg_m3: Estimate::exactly(density_kg_m3),
-        youngs_modulus_pa: Estimate::exactly(1e10),
-        poisson_ratio: Estimate::exactly(0.3),
-        yield_strength_pa: Estimate::exactly(1e8),
-        hardness: None,
-        friction_rubber: Estimate::exactly(0.7),
-        form: Form::Solid,
-        inside: None,
-        bulk_reason: None,
-        law: Law::Elastic,
-    }
+    let mut label = FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]);
+    label.density_kg_m3 = Estimate::exactly(density_kg_m3);
+    label
 }
 
 /// Head, handle and grip, separated by their position along the handle.

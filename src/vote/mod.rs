@@ -25,7 +25,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
-use crate::materials::{Law, MaterialLibrary};
+use crate::materials::{Law, Material, MaterialLibrary};
 use crate::query::{Answer, Answers, Form};
 use crate::render;
 use crate::scene::robust_bounds;
@@ -133,6 +133,7 @@ impl MaterialField {
 /// `high` bound what the answers for this material say, and `mid` is the median of their middles.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct FieldLabel {
     /// The part id, from 1, which is also the part's value of `part_label` in `field.ply`.
     pub id: u32,
@@ -156,6 +157,28 @@ pub struct FieldLabel {
     #[serde(default)]
     pub bulk_reason: Option<String>,
     pub law: Law,
+}
+
+impl FieldLabel {
+    /// A solid part that consists of this material alone, and is called as it is.
+    pub fn of(id: u32, material: &Material) -> Self {
+        Self {
+            id,
+            caption: material.name.clone(),
+            material: material.name.clone(),
+            family: material.family.clone(),
+            density_kg_m3: material.density_kg_m3.into(),
+            youngs_modulus_pa: material.youngs_modulus_pa.into(),
+            poisson_ratio: material.poisson_ratio.into(),
+            yield_strength_pa: material.strength_pa.into(),
+            hardness: material.hardness,
+            friction_rubber: material.friction_rubber.into(),
+            form: Form::Solid,
+            inside: None,
+            bulk_reason: None,
+            law: material.law,
+        }
+    }
 }
 
 /// The contents of a shell, as the answers agree on them.

@@ -4,14 +4,15 @@ use gprop::grasp::forces::{ForceMax, GraspedPart, f_max, f_min, f_star};
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::{Surface, SurfacePoint};
 use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, Reason, grasp, grasped_part::PartChoice};
-use gprop::materials::Law;
+use gprop::materials::MaterialLibrary;
 use gprop::parts::{NoVolume, Object, Part, Parts};
-use gprop::query::Form;
 use gprop::report::{grasp_line, part_lines};
 use gprop::units::{Estimate, GRAVITY_M_S2};
 use gprop::vote::FieldLabel;
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
+
+use crate::support::changed;
 
 /// The error of a few roundings in double precision.
 const ROUNDING: f64 = 1e-13;
@@ -42,22 +43,12 @@ fn part(id: u32, caption: &str, mass_kg: Estimate, thickness_m: Estimate, to_cen
 }
 
 fn label(id: u32, friction: Estimate, strength_pa: Estimate, youngs_modulus_pa: Estimate) -> FieldLabel {
-    FieldLabel {
-        id,
-        caption: String::new(),
-        material: String::new(),
-        family: String::new(),
-        density_kg_m3: Estimate::exactly(1000.0),
-        youngs_modulus_pa,
-        poisson_ratio: Estimate::exactly(0.3),
-        yield_strength_pa: strength_pa,
-        hardness: None,
-        friction_rubber: friction,
-        form: Form::Solid,
-        inside: None,
-        bulk_reason: None,
-        law: Law::Elastic,
-    }
+    changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
+        label.density_kg_m3 = Estimate::exactly(1000.0);
+        label.poisson_ratio = Estimate::exactly(0.3);
+        (label.friction_rubber, label.yield_strength_pa, label.youngs_modulus_pa) =
+            (friction, strength_pa, youngs_modulus_pa);
+    })
 }
 
 /// A hickory handle (0) of 20 mm and a steel head (1) of 30 mm: 0.12 kg and 0.44 kg, the head nearer the middle.

@@ -2,11 +2,13 @@
 
 use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::gaussians::Gaussians;
-use gprop::materials::Law;
+use gprop::materials::MaterialLibrary;
 use gprop::query::Form;
 use gprop::units::Estimate;
 use gprop::vote::{FieldLabel, MaterialField};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
+
+use crate::support::changed;
 
 /// Surface points with outward unit normals, and the part each belongs to.
 #[derive(Default)]
@@ -111,22 +113,10 @@ impl Cloud {
 }
 
 fn label(id: u32, form: Form) -> FieldLabel {
-    FieldLabel {
-        id,
-        caption: format!("part {id}"),
-        material: "water".to_owned(),
-        family: "liquid".to_owned(),
-        density_kg_m3: Estimate::exactly(1000.0),
-        youngs_modulus_pa: Estimate::exactly(1e9),
-        poisson_ratio: Estimate::exactly(0.3),
-        yield_strength_pa: Estimate::exactly(1e7),
-        hardness: None,
-        friction_rubber: Estimate::exactly(0.5),
-        form,
-        inside: None,
-        bulk_reason: None,
-        law: Law::Elastic,
-    }
+    changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
+        label.caption = format!("part {id}");
+        (label.density_kg_m3, label.form) = (Estimate::exactly(1000.0), form);
+    })
 }
 
 /// Unit vectors spread evenly (Fibonacci sphere).

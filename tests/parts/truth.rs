@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use gprop::materials::Law;
+use gprop::materials::MaterialLibrary;
 use gprop::numeric::nearest::Nearest;
 use gprop::query::Form;
 use gprop::render::{Colors, RenderOptions, render};
@@ -13,7 +13,7 @@ use gprop::vote::{FieldLabel, MaterialField};
 use rayon::prelude::*;
 use serde::Deserialize;
 
-use crate::support::{Shared, shared_if_there};
+use crate::support::{Shared, changed, shared_if_there};
 
 /// A part in `ground_truth/parts.json`.
 #[derive(Debug, Clone, Deserialize)]
@@ -126,24 +126,18 @@ fn votes(scene: &Scene, folder: &Path, visible: &[&TruePart]) -> Vec<Vec<u32>> {
 }
 
 fn label(id: u32, part: &TruePart) -> FieldLabel {
-    FieldLabel {
-        id,
-        caption: part.name.clone(),
-        material: part.material.clone(),
-        family: part.family.clone(),
-        density_kg_m3: Estimate::exactly(part.density_kg_m3),
-        youngs_modulus_pa: Estimate::exactly(part.youngs_modulus_pa),
-        poisson_ratio: Estimate::exactly(part.poisson_ratio),
+    let form = match part.thickness_m.filter(|_| part.form == "shell") {
+        Some(wall) => Form::Shell { wall_thickness_m: Range::exactly(wall) },
+        None => Form::Solid,
+    };
+    changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
+        (label.caption, label.material, label.family) = (part.name.clone(), part.material.clone(), part.family.clone());
+        label.density_kg_m3 = Estimate::exactly(part.density_kg_m3);
+        label.youngs_modulus_pa = Estimate::exactly(part.youngs_modulus_pa);
+        label.poisson_ratio = Estimate::exactly(part.poisson_ratio);
+        label.friction_rubber = Estimate::exactly(part.friction_rubber_pad);
         // The truth has none; no volume depends on it.
-        yield_strength_pa: Estimate::exactly(1e7),
-        hardness: None,
-        friction_rubber: Estimate::exactly(part.friction_rubber_pad),
-        form: match part.thickness_m.filter(|_| part.form == "shell") {
-            Some(wall) => Form::Shell { wall_thickness_m: Range::exactly(wall) },
-            None => Form::Solid,
-        },
-        inside: None,
-        bulk_reason: None,
-        law: Law::Elastic,
-    }
+        label.yield_strength_pa = Estimate::exactly(1e7);
+        label.form = form;
+    })
 }

@@ -1,8 +1,7 @@
 use gprop::evaluate::{filling, simulation};
 use gprop::files::npz::Npz;
 use gprop::gaussians::Gaussians;
-use gprop::materials::Law;
-use gprop::query::Form;
+use gprop::materials::{Law, MaterialLibrary};
 use gprop::simulate::SimulateError;
 use gprop::simulate::compat::config::Config;
 use gprop::simulate::compat::estimated::Estimated;
@@ -16,7 +15,7 @@ use gprop::vote::FieldLabel;
 use gprop::words::progress::Progress;
 use nalgebra::Vector3;
 
-use crate::support::shared;
+use crate::support::{changed, shared};
 
 /// The reference `name`; `None`, with a message, if it is not there.
 fn reference(test: &str, name: &str) -> Option<Npz> {
@@ -285,22 +284,13 @@ fn a_region_without_gaussians_is_told() {
 }
 
 fn label(law: Law, youngs_modulus_pa: f64, density_kg_m3: f64) -> FieldLabel {
-    FieldLabel {
-        id: 0,
-        caption: "part".to_owned(),
-        material: "material".to_owned(),
-        family: String::new(),
-        density_kg_m3: Estimate::exactly(density_kg_m3),
-        youngs_modulus_pa: Estimate::exactly(youngs_modulus_pa),
-        poisson_ratio: Estimate::exactly(0.3),
-        yield_strength_pa: Estimate::exactly(1e3),
-        hardness: None,
-        friction_rubber: Estimate::exactly(0.5),
-        form: Form::Solid,
-        inside: None,
-        bulk_reason: None,
-        law,
-    }
+    changed(FieldLabel::of(0, &MaterialLibrary::builtin().materials()[0]), |label| {
+        label.law = law;
+        label.density_kg_m3 = Estimate::exactly(density_kg_m3);
+        label.youngs_modulus_pa = Estimate::exactly(youngs_modulus_pa);
+        label.poisson_ratio = Estimate::exactly(0.3);
+        label.yield_strength_pa = Estimate::exactly(1e3);
+    })
 }
 
 /// The last frame of a run: its Gaussians and its particles.
