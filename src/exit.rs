@@ -13,6 +13,7 @@ use crate::export::ExportError;
 use crate::film::FilmError;
 use crate::grasp::GraspError;
 use crate::inspect::{InspectError, NotAligned};
+use crate::links::LinksError;
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
 use crate::query::ask::cost::PriceError;
@@ -108,6 +109,15 @@ impl Kinded for AuditError {
         match self {
             Self::Wrong { .. } => ErrorKind::Wrong,
             Self::Unwritable { .. } => ErrorKind::Usage,
+            _ => ErrorKind::Scene,
+        }
+    }
+}
+
+impl Kinded for LinksError {
+    fn kind(&self) -> ErrorKind {
+        match self {
+            Self::Write { .. } | Self::OwnFolder { .. } => ErrorKind::Usage,
             _ => ErrorKind::Scene,
         }
     }

@@ -111,6 +111,8 @@ pub mod inspect;
 #[doc(hidden)]
 pub mod lettering;
 #[doc(hidden)]
+pub mod links;
+#[doc(hidden)]
 pub mod materials;
 #[doc(hidden)]
 pub mod mpm;

@@ -22,6 +22,8 @@ mod segment;
 mod materials;
 // What URDF and MJCF claim, checked without a model.
 mod audit;
+// Links of URDF and MJCF as objects, and the files back with what was found.
+mod links;
 // Sheets, prompts, answers, recordings, servers.
 mod query;
 // Rasteriser, depth maps, spherical harmonics.

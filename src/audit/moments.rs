@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use nalgebra::{Isometry3, Matrix3, SymmetricEigen, U3, Vector3};
+use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use crate::scene::mesh::containers::Geometry;
 
@@ -82,15 +82,6 @@ impl Moments {
     pub fn inertia_kg_m2(&self, mass_kg: f64) -> Matrix3<f64> {
         (Matrix3::identity() * self.second.trace() - self.second) * (mass_kg / self.amount)
     }
-}
-
-/// The principal moments of an inertia and their axes, in no order; `None` for numbers so large that computing with them ends in
-/// none.
-pub fn principal(inertia: &Matrix3<f64>) -> Option<SymmetricEigen<f64, U3>> {
-    /// More sweeps than any matrix of numbers of ordinary size takes.
-    const MOST_SWEEPS: usize = 1000;
-    let is_finite = inertia.iter().all(|number| number.is_finite());
-    SymmetricEigen::try_new(is_finite.then_some(*inertia)?, f64::EPSILON, MOST_SWEEPS)
 }
 
 #[cfg(test)]

@@ -133,7 +133,8 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// Folder with a splat, cameras and photos, or a mesh (.glb, .gltf, .obj, .stl, .ply).
+    /// Folder with a splat, cameras and photos, or a mesh (.glb, .gltf, .obj, .stl, .ply); for `gprop run` also a URDF or MJCF,
+    /// whose links are run one after the other.
     pub scene: PathBuf,
     #[command(flatten)]
     pub work: WorkArgs,
@@ -247,10 +248,11 @@ pub enum Grasp {
 #[derive(Debug, Args)]
 #[command(after_help = GOES_ON)]
 pub struct ExportArgs {
-    /// Folder with a splat, cameras and photos, or a mesh; stages that have not run yet are run first.
+    /// Folder with a splat, cameras and photos, a mesh, or a URDF or MJCF; stages that have not run yet are run first.
     pub scene: PathBuf,
-    /// Formats to write, separated by commas.
-    #[arg(long, value_enum, value_delimiter = ',', required = true)]
+    /// Formats to write, separated by commas; required unless SCENE is a URDF or MJCF, which is written as it is, with
+    /// masses, inertias and frictions filled in.
+    #[arg(long, value_enum, value_delimiter = ',')]
     pub format: Vec<export::Format>,
     /// Folder to write into.
     #[arg(long, value_name = "DIR")]

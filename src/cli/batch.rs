@@ -68,7 +68,7 @@ fn with_page(summary: &Summary, batch: &Batch) -> String {
 
 /// Tells the user which server may be asked about the scenes' pictures. The number of pictures is known only when a
 /// scene is segmented; the scene's own process reports it.
-fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
+pub fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
     let query = &options.query;
     let destination = client::destination(query)?.filter(|_| query.answers != AnswerSource::Replay);
     let Some(destination) = destination.filter(|_| options.setup.network().is_ok()) else { return Ok(()) };
@@ -88,7 +88,7 @@ fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
 }
 
 /// Reports an outcome as a line of JSON on stdout, or as a line for people on stderr.
-fn tell(global: &Global, progress: Progress, outcome: &Outcome, ended: usize, total: usize) {
+pub fn tell(global: &Global, progress: Progress, outcome: &Outcome, ended: usize, total: usize) {
     if global.json {
         let line = serde_json::to_string(outcome).expect("an outcome is plain data");
         // A closed stdout must not stop the batch: everything is in its file too.

@@ -3,6 +3,7 @@
 
 mod arguments;
 mod batch;
+mod container;
 mod evaluate;
 mod found;
 mod help;
@@ -26,6 +27,7 @@ use clap::{Args, CommandFactory, FromArgMatches, ValueEnum};
 use serde::Serialize;
 
 use crate::error::{Error, Result, UsageError};
+use crate::links::is_container;
 use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
 use crate::scene::mesh::is_mesh;
 use crate::words::output;
@@ -70,6 +72,9 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
             if args.end_with_stdin {
                 crate::batch::end_with_the_batch();
             }
+            if is_container(&args.scene.scene) {
+                return container::run(global, args);
+            }
             let run = if args.no_simulate { scene::run_without_simulation } else { scene::run };
             run(global, &args.scene.scene, &args.scene.work, args.to)
         }
@@ -85,6 +90,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
         Command::Grasp(GraspArgs { scene: Some(folder), work, .. }) => scene::run(global, folder, work, Stage::Grasp),
         Command::Grasp(_) => unreachable!("clap asks for a scene if there is no subcommand"),
+        Command::Export(args) if is_container(&args.scene) => container::export(global, args),
         Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => {
             let only_chosen = global.flags.typed.iter().any(|flag| config::name_of(flag) == "views");

@@ -2,12 +2,14 @@
 
 use std::path::Path;
 
+use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
 
 use crate::config;
 use crate::consensus::AskAbout;
 use crate::error::{Result, UsageError};
+use crate::export::Format;
 use crate::files::write;
 use crate::film;
 use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage, export, is_untouched, show, stages};
@@ -117,6 +119,14 @@ pub fn show(global: &Global, args: &ShowArgs) -> Result<()> {
 
 /// Exports the parts, after running the stages up to them.
 pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
+    if args.format.is_empty() {
+        let formats: Vec<String> = Format::value_variants()
+            .iter()
+            .filter_map(Format::to_possible_value)
+            .map(|f| f.get_name().to_owned())
+            .collect();
+        return Err(UsageError(format!("--format is missing: name one or more of {}", formats.join(", "))).into());
+    }
     let plan = Plan { to: Stage::Parts, from: None };
     let work = args.work.as_deref();
     let mut pipeline = open_with(global, &args.scene, work, &args.options, plan, true)?;

@@ -26,6 +26,9 @@ pub struct Gltf {
     accessors: Vec<Value>,
     pub meshes: Vec<Value>,
     pub materials: Vec<Value>,
+    images: Vec<Value>,
+    samplers: Vec<Value>,
+    textures: Vec<Value>,
     nodes: Vec<Value>,
     roots: Vec<usize>,
 }
@@ -76,6 +79,18 @@ impl Gltf {
         self.accessors.len() - 1
     }
 
+    /// Adds an encoded picture of a MIME type that glTF knows, with OpenGL's numbers of its wrapping along u and v.
+    pub fn texture(&mut self, picture: &[u8], mime_type: &str, wrapping: [u32; 2]) -> usize {
+        let offset = self.bytes.len().next_multiple_of(4);
+        self.bytes.resize(offset, 0);
+        self.bytes.extend_from_slice(picture);
+        self.views.push(json!({ "buffer": 0, "byteOffset": offset, "byteLength": picture.len() }));
+        self.images.push(json!({ "bufferView": self.views.len() - 1, "mimeType": mime_type }));
+        self.samplers.push(json!({ "wrapS": wrapping[0], "wrapT": wrapping[1] }));
+        self.textures.push(json!({ "source": self.images.len() - 1, "sampler": self.samplers.len() - 1 }));
+        self.textures.len() - 1
+    }
+
     /// Adds a node of the tree.
     pub fn node(&mut self, node: Value) -> usize {
         self.nodes.push(node);
@@ -105,8 +120,15 @@ impl Gltf {
         if let Some(note) = note {
             json["asset"]["extras"] = json!({ "note": note });
         }
-        if !self.materials.is_empty() {
-            json["materials"] = json!(self.materials);
+        let others = [
+            ("materials", self.materials),
+            ("images", self.images),
+            ("samplers", self.samplers),
+            ("textures", self.textures),
+        ];
+        // glTF allows no empty list.
+        for (name, list) in others.into_iter().filter(|(_, list)| !list.is_empty()) {
+            json[name] = json!(list);
         }
         if !extensions.is_empty() {
             json["extensionsUsed"] = json!(extensions);

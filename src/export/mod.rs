@@ -10,7 +10,7 @@
 //! Everything rigid is in metres, in the world frame of the splat, z up. Gaussians that were set aside are left out.
 
 mod glb;
-mod gltf;
+pub(crate) mod gltf;
 mod gltf_splat;
 mod mjcf;
 mod npz;

@@ -8,7 +8,9 @@ pub mod nearest;
 
 use std::f64::consts::PI;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Rotation3, SVD, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{
+    Isometry3, Matrix3, Point3, Quaternion, Rotation3, SVD, SymmetricEigen, Translation3, U3, UnitQuaternion, Vector3,
+};
 
 /// Half-width of a 90 % interval of a normal distribution, in standard deviations.
 pub const NORMAL_90: f64 = 1.645;
@@ -98,6 +100,15 @@ pub fn linear(srgb: f64) -> f64 {
 pub fn srgb(light: f32) -> f32 {
     let light = light.clamp(0.0, 1.0);
     if light <= 0.003_130_8 { 12.92 * light } else { 1.055 * light.powf(1.0 / 2.4) - 0.055 }
+}
+
+/// The principal moments of an inertia and their axes, in no order; `None` for numbers so large that computing with them ends in
+/// none.
+pub fn principal(inertia: &Matrix3<f64>) -> Option<SymmetricEigen<f64, U3>> {
+    /// More sweeps than any matrix of numbers of ordinary size takes.
+    const MOST_SWEEPS: usize = 1000;
+    let is_finite = inertia.iter().all(|number| number.is_finite());
+    SymmetricEigen::try_new(is_finite.then_some(*inertia)?, f64::EPSILON, MOST_SWEEPS)
 }
 
 #[cfg(test)]

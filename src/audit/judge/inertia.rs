@@ -3,8 +3,8 @@
 use nalgebra::{Matrix3, Vector3};
 
 use super::super::hull::{Hull, extent};
-use super::super::moments::principal;
 use super::{Finding, Kind, Subject, words};
+use crate::numeric::principal;
 use crate::scene::mesh::containers::{Inertial, Mobility};
 
 /// How far the stated moments may be off the shape's own. A thin shell has up to 5/3 times the inertia of a solid of the same

@@ -35,7 +35,7 @@ pub use error::{MeshError, Problem};
 pub use painted::PaintedMesh;
 pub use problems::{GltfProblem, ObjProblem, PlyProblem, StlProblem};
 pub use sampled::{GAUSSIANS, SampledSurface, sample};
-pub use texture::{MOST_TEXTURE_PIXELS, Picture, Wrapping};
+pub use texture::{Encoded, MOST_TEXTURE_PIXELS, Picture, Wrapping};
 
 pub mod containers;
 pub mod solid;

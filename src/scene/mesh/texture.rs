@@ -1,9 +1,10 @@
 //! Textures: encoded pictures, decoded on demand, and how their coordinates repeat.
 
+use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use image::{ImageDecoder, ImageError, ImageReader, RgbaImage};
+use image::{ImageDecoder, ImageError, ImageFormat, ImageReader, RgbaImage};
 
 use super::Problem;
 use crate::files::{self, PictureSource};
@@ -25,6 +26,14 @@ pub struct Picture {
 pub(super) enum Source {
     Bytes(Arc<[u8]>),
     File(PathBuf),
+}
+
+/// An encoded picture.
+#[derive(Debug, Clone)]
+pub struct Encoded {
+    pub bytes: Vec<u8>,
+    /// Its MIME type.
+    pub kind: &'static str,
 }
 
 /// How a texture goes on beyond the picture's border.
@@ -60,6 +69,30 @@ impl Picture {
     pub fn decode(&self) -> Result<RgbaImage, Problem> {
         let picture = self.reader().and_then(ImageReader::decode);
         Ok(picture.map_err(|reason| self.undecodable(reason))?.into_rgba8())
+    }
+
+    /// The picture in a format that every reader of glTF knows: as it is if it is a PNG or a JPEG, else as a PNG.
+    ///
+    /// # Errors
+    /// [`Problem`] if the bytes are not a picture.
+    pub fn encoded_for_gltf(&self) -> Result<Encoded, Problem> {
+        let undecodable = |error| self.undecodable(ImageError::IoError(error));
+        let kind = match self.reader().map_err(|reason| self.undecodable(reason))?.format() {
+            Some(ImageFormat::Png) => Some("image/png"),
+            Some(ImageFormat::Jpeg) => Some("image/jpeg"),
+            _ => None,
+        };
+        if let Some(kind) = kind {
+            let bytes = match &self.source {
+                Source::Bytes(bytes) => bytes.to_vec(),
+                Source::File(path) => files::read(path).map_err(undecodable)?,
+            };
+            return Ok(Encoded { bytes, kind });
+        }
+        let mut bytes = Vec::new();
+        let written = self.decode()?.write_to(&mut Cursor::new(&mut bytes), ImageFormat::Png);
+        written.map_err(|reason| self.undecodable(reason))?;
+        Ok(Encoded { bytes, kind: "image/png" })
     }
 
     /// Width and height, from the header.

@@ -4,6 +4,7 @@
 //! - [`mjcf`]: MuJoCo's bodies, after includes, default classes and the compiler's settings.
 //!
 //! [`xml`] keeps the place of everything, so that each value can be named by line and replaced byte for byte;
+//! [`write`] does the latter;
 //! `files` finds the file that a name stands for and refuses what lies outside of the folders that the user named.
 
 mod error;
@@ -11,6 +12,7 @@ mod files;
 pub mod mjcf;
 pub mod numbers;
 pub mod urdf;
+pub mod write;
 pub mod xml;
 
 use std::ops::Range;

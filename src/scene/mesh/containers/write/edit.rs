@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use crate::scene::mesh::containers::xml::{Document, Node};
+use super::super::xml::{Document, Node};
 
 /// Changes that are applied together.
 pub struct Edits<'a> {

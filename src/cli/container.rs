@@ -1,0 +1,66 @@
+//! `gprop run` and `gprop export` of a robot or a scene of a simulator: its links, one after the other.
+
+use crate::batch::{State, Summary, Task};
+use crate::config;
+use crate::error::{Result, UsageError};
+use crate::links::Prepared;
+use crate::pipeline::{Options, Stage};
+
+use super::arguments::RunArgs;
+use super::{ExportArgs, Global, batch, print, scene, shown};
+
+/// Runs the links of a URDF or MJCF, and prints their masses beside those that the file claims.
+pub fn run(global: &Global, args: &RunArgs) -> Result<()> {
+    let work = &args.scene.work;
+    scene::check_from(work.from, args.to)?;
+    if work.dry_run {
+        return Err(UsageError(
+            "--dry-run is for single objects; `gprop batch FOLDER/links --dry-run` lists links".into(),
+        )
+        .into());
+    }
+    let mut flags = global.flags.typed.clone();
+    if args.no_simulate {
+        scene::check_without_simulation(args.to)?;
+        flags.push("--no-simulate".into());
+    }
+    let prepared = Prepared::of(&args.scene.scene, work.out.as_deref(), &work.options.scene)?;
+    let max_usd = work.options.query.max_usd;
+    let task = Task { to: args.to, from: work.from, flags, max_usd, threads: global.threads };
+    let summary = run_links(global, &prepared, &work.options, task)?;
+    let links = prepared.gather()?;
+    if !global.quiet || global.json {
+        print(global, &links, || links.table())?;
+    }
+    Ok(summary.require_all()?)
+}
+
+/// Writes a URDF or MJCF as it is, with what was found of its links filled in, after running the stages up to the parts.
+pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
+    if !args.format.is_empty() {
+        let problem = "--format is for single objects; a URDF or MJCF is written as it is, with masses filled in. Export a link \
+                       by itself from the folder links/ of the work folder";
+        return Err(UsageError(problem.to_owned()).into());
+    }
+    let prepared = Prepared::of(&args.scene, args.work.as_deref(), &args.options.scene)?;
+    let (flags, max_usd) = (global.flags.typed.clone(), args.options.query.max_usd);
+    let task = Task { to: Stage::Parts, from: None, flags, max_usd, threads: global.threads };
+    run_links(global, &prepared, &args.options, task)?.require_all()?;
+    let written = prepared.export(&prepared.gather()?, &args.out)?;
+    written.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    let paths: Vec<_> = written.files.iter().map(|file| config::in_json(file)).collect();
+    print(global, &paths, || written.files.iter().map(|file| shown(file) + "\n").collect())
+}
+
+fn run_links(global: &Global, prepared: &Prepared, options: &Options, task: Task) -> Result<Summary> {
+    prepared.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    tracing::info!("{prepared}");
+    let (total, mut ended) = (prepared.object_count(), 0);
+    batch::announce(options, total)?;
+    // The outcomes are for people; what is printed as JSON is the result.
+    let for_people = Global { json: false, ..global.clone() };
+    prepared.run(task, &mut |outcome| {
+        ended += usize::from(outcome.state != State::Skipped);
+        batch::tell(&for_people, global.progress(), outcome, ended, total);
+    })
+}
