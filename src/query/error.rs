@@ -151,6 +151,9 @@ const SHOWN_CHARACTERS: usize = 200;
 impl fmt::Display for InVain {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { requests, last, reply, tried, left, spent } = self;
+        let last = last.to_string();
+        // A server's own sentence may end in a full stop, or without one.
+        let last = last.trim_end_matches('.');
         write!(f, "{requests} requests in a row brought no usable reply, so no more were sent. The last: {last}")?;
         if let Some(reply) = reply {
             let shown: String = reply.chars().take(SHOWN_CHARACTERS).collect();
