@@ -84,7 +84,7 @@ fn a_caller_of_the_pipeline() {
     drop(pipeline);
     // The program says what the library passes to `tracing`.
     let program = gprop().arg("inspect").arg(balls.scene(0)).output().unwrap();
-    assert!(String::from_utf8_lossy(&program.stderr).contains("warning"), "{program:?}");
+    assert!(String::from_utf8_lossy(&program.stdout).contains("\nwarning"), "{program:?}");
 }
 
 #[test]
