@@ -211,10 +211,10 @@ fn file_name(link: &str, number: usize, taken: &mut BTreeSet<String>) -> String 
     let plain: String = link.chars().map(|c| if is_plain(c) { c } else { '_' }).take(LONGEST).collect();
     let is_reserved = plain.is_empty() || plain.eq_ignore_ascii_case(crate::workdir::DEFAULT_NAME);
     let plain = if is_reserved { format!("link_{number}") } else { plain };
+    let others = (number..).map(|number| format!("{plain}_{number}"));
     // File systems may not tell capitals apart.
-    let name = if taken.contains(&plain.to_lowercase()) { format!("{plain}_{number}") } else { plain };
-    taken.insert(name.to_lowercase());
-    name
+    let free = std::iter::once(plain.clone()).chain(others).find(|name| taken.insert(name.to_lowercase()));
+    free.expect("there are more numbers than names")
 }
 
 impl std::fmt::Display for Prepared {
