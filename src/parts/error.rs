@@ -1,6 +1,7 @@
 //! Errors of the parts stage.
 
 use crate::config::option_values::OptionError;
+use crate::scene::mesh::solid::SolidError;
 
 /// An error in the input of the parts stage, and what to do about it.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -22,6 +23,10 @@ pub enum PartsError {
          with a lower --fill-density"
     )]
     NothingInside { why: &'static str },
+    #[error("the mesh encloses less than a cell of the grid shows; raise --volume-cells")]
+    MeshTooThin,
+    #[error("the mesh cannot be measured: {0}")]
+    Mesh(#[from] SolidError),
     #[error(
         "none of the parts has a volume, so the object has no mass: {why}; check with `gprop inspect` that photos, \
          cameras and splat agree, and look at the warnings of the earlier stages"

@@ -8,6 +8,8 @@
 //! 5. [`compose`] fills the cells with material;
 //! 6. [`mass`] computes the mass of each part and its bodies.
 //!
+//! Of a mesh, steps 1 and 2 are not needed: it says itself what is inside, and what its parts fill, see [`parts_of_mesh`].
+//!
 //! Steps 1 to 5 are in scene units and need no metric scale except for the walls of shells.
 
 mod assign;
@@ -28,6 +30,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::query::Form;
+use crate::scene::mesh::solid::Measured;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Contents, FieldLabel, MaterialField};
 use crate::words::output::{agreeing, counted};
@@ -35,7 +38,10 @@ use crate::words::progress::Progress;
 use crate::words::readable::significant;
 use assign::Labelled;
 pub(crate) use clean::without_floaters;
-use compose::{Composed, Construction, thickness, wire};
+use compose::of_mesh::OfMesh;
+use compose::thickness::{self, Chord};
+use compose::wire::{self, Wire};
+use compose::{Composed, Construction, Evidence};
 pub use error::PartsError;
 pub(crate) use grid::surface::blur;
 use grid::surface::{NONE, Surface};
@@ -85,6 +91,15 @@ pub struct Shape {
 }
 
 impl PartsResult {
+    /// Adds warnings.
+    fn warn(&mut self, warnings: impl Iterator<Item = String>) {
+        let warnings: Vec<String> = warnings.collect();
+        if let Some(parts) = &mut self.parts {
+            parts.warnings.extend(warnings.iter().cloned());
+        }
+        self.warnings.extend(warnings);
+    }
+
     /// The parts in metres and kilograms.
     ///
     /// # Errors
@@ -122,20 +137,100 @@ pub fn parts(
     let in_view = inside.in_view(&surface);
     let cells = assign::assign(gaussians, &kept, &field.part_label, labels.len(), grid, surface, &in_view);
     let chords = thickness::chords(&cells);
-    let thickness = thickness::thickness(&chords, labels.len());
     let silhouettes = inside.silhouettes(cameras, coverage, options);
     // At any scale.
-    let is_solid = |label| construction(label, Some(1.0), options) == Construction::Solid;
+    let is_solid = |label| construction(label, Some(1.0), options, false) == Construction::Solid;
     let is_solid: Vec<bool> = labels.iter().map(is_solid).collect();
     let wires = wire::wires(&cells, &is_solid, &chords, &silhouettes, inside.uncertainty);
+    let thickness = thickness::thickness(&chords, labels.len());
+    let evidence = Evidence { uncertainty: inside.uncertainty, wires, mesh: None };
+    weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, scale, options)
+}
+
+/// Measures the parts of a mesh, on whose surface the `gaussians` lie, labelled by `field`. Its volumes are its own: see
+/// [`compose`]. Without `scale` it is as for [`parts`].
+///
+/// # Errors
+/// As for [`parts`].
+pub fn parts_of_mesh(
+    gaussians: &Gaussians,
+    field: &MaterialField,
+    mesh: &Measured,
+    scale: Option<&MetricScale>,
+    options: &Options,
+) -> Result<PartsResult, PartsError> {
+    options.check()?;
+    check(gaussians, field)?;
+    let labels = field.labels.len();
+    // No Gaussian of a mesh floats.
+    let kept = vec![true; gaussians.len()];
+    let grid = inside::mesh::grid_around_mesh(mesh, options.volume_cells);
+    let on_grid = inside::mesh::fill(mesh, &grid);
+    if !on_grid.cells.contains(&true) {
+        return Err(PartsError::MeshTooThin);
+    }
+    let surface = Surface::of(&grid, &on_grid.cells);
+    let in_view = vec![true; surface.cells.len()];
+    let cells = assign::assign(gaussians, &kept, &field.part_label, labels, grid, surface, &in_view);
+    let chords = thickness::chords(&cells);
+    let wires = on_grid.share.iter().map(|share| Wire { share: *share, error: 0.0 }).collect();
+    let of_mesh = OfMesh::of(mesh, on_grid, &cells, labels);
+    let of_cells = thickness::thickness(&chords, labels);
+    let thickness = of_cells.into_iter().enumerate().map(|(label, of_cells)| of_mesh.thickness(label, of_cells));
+    let thickness = thickness.collect();
+    let evidence = Evidence { uncertainty: 0.0, wires, mesh: Some(of_mesh) };
+    let mut result = weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, scale, options)?;
+    result.warn(mesh.solid.doubts.iter().map(|doubt| format!("the mesh: {doubt}")));
+    Ok(result)
+}
+
+/// The cells of an object, divided among its parts, and what is known of them.
+struct Found {
+    /// Per Gaussian, whether it is of the object.
+    kept: Vec<bool>,
+    cells: Labelled,
+    /// Per surface cell.
+    chords: Vec<Option<Chord>>,
+    /// Per label, scene units.
+    thickness: Vec<Option<Estimate>>,
+    evidence: Evidence,
+}
+
+impl Found {
+    /// How to fill the volume of each label.
+    fn constructions(
+        &self,
+        field: &MaterialField,
+        meters_per_unit: Option<f64>,
+        options: &Options,
+    ) -> Vec<Construction> {
+        let mesh = self.evidence.mesh.as_ref();
+        let of_label = |(l, label): (usize, &FieldLabel)| {
+            let answered = construction(label, meters_per_unit, options, mesh.is_some_and(OfMesh::is_sheet));
+            mesh.map_or(answered, |mesh| mesh.construction(l, answered))
+        };
+        field.labels.iter().enumerate().map(of_label).collect()
+    }
+}
+
+/// Fills the cells and weighs the parts.
+fn weigh(
+    gaussians: &Gaussians,
+    field: &MaterialField,
+    found: Found,
+    scale: Option<&MetricScale>,
+    options: &Options,
+) -> Result<PartsResult, PartsError> {
     let of_mass = |kg| {
-        let build = |label: &FieldLabel, meters| construction(label, Some(meters), options);
-        scale::meters_per_unit(kg, &cells, &chords, &wires, inside.uncertainty, labels, build)
+        let build = |meters| found.constructions(field, Some(meters), options);
+        scale::meters_per_unit(kg, &found.cells, &found.chords, &found.evidence, &field.labels, build)
     };
     let known_scale = scale.map(|s| s.meters_per_unit);
     let meters_per_unit = known_scale.or_else(|| options.known_mass.and_then(of_mass));
-    let constructions: Vec<Construction> = labels.iter().map(|l| construction(l, meters_per_unit, options)).collect();
-    let (composed, cells) = compose::compose(cells, &constructions, &chords, &wires, inside.uncertainty);
+    let constructions = found.constructions(field, meters_per_unit, options);
+    let mut warnings = unfilled(&found, field, meters_per_unit, options, &constructions);
+    let Found { kept, cells, chords, thickness, evidence } = found;
+    let (composed, cells) = compose::compose(cells, &constructions, &chords, &evidence);
 
     let mut shapes = shapes(field, &composed, &cells, &constructions, &thickness);
     let interior = &composed.interior;
@@ -151,8 +246,9 @@ pub fn parts(
     let whole = whole.ok_or_else(|| no_volume(field, &shapes))?;
     set_distances(&mut shapes, &mut bodies, &connected, &cells, whole.center);
     let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
-    let lacks_walls = meters_per_unit.is_none() && is_solid.contains(&false);
-    let mut warnings = warnings(field, floaters, &shapes, lacks_walls);
+    let is_shell = |label| construction(label, Some(1.0), options, false) != Construction::Solid;
+    let lacks_walls = meters_per_unit.is_none() && field.labels.iter().any(is_shell);
+    warnings.extend(self::warnings(field, floaters, &shapes, lacks_walls));
     let enclosed_m3 = enclosed(&cells) * meters_per_unit.unwrap_or(1.0).powi(3);
     warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
     let notes = notes(field, floaters, &shapes, &constructions, &composed, options.min_part_share);
@@ -273,9 +369,10 @@ fn check(gaussians: &Gaussians, field: &MaterialField) -> Result<(), PartsError>
     }
 }
 
-/// How to fill a label's volume.
-fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Options) -> Construction {
+/// How to fill a label's volume by its answer. `is_sheet`: it is part of a mesh that bounds nothing.
+fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Options, is_sheet: bool) -> Construction {
     let wall_m = match (options.volume, label.form) {
+        (VolumeMethod::Hybrid, Form::Solid | Form::Mixed) if is_sheet => Some(options.sheet_m()),
         (VolumeMethod::Fill | VolumeMethod::Carve, _) | (VolumeMethod::Hybrid, Form::Solid | Form::Mixed) => None,
         (VolumeMethod::Shell, Form::Solid | Form::Mixed) => Some(Estimate::exactly(options.wall_m)),
         (_, Form::Shell { wall_thickness_m }) => Some(Estimate::from(wall_thickness_m)),
@@ -290,6 +387,39 @@ fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Opti
         }
         _ => Construction::Solid,
     }
+}
+
+/// Messages about what the mesh shows otherwise than the answers say.
+fn unfilled(
+    found: &Found,
+    field: &MaterialField,
+    meters_per_unit: Option<f64>,
+    options: &Options,
+    constructions: &[Construction],
+) -> Vec<String> {
+    let Some(mesh) = &found.evidence.mesh else { return Vec::new() };
+    let of_label = |(l, label): (usize, &FieldLabel)| {
+        let answered = construction(label, meters_per_unit, options, false);
+        match (answered, constructions[l]) {
+            (Construction::Wall { filled: Some(_), .. }, Construction::Solid) => Some(format!(
+                "the mesh has both sides of the wall of {:?}, so what is in it is not weighed; if it is full, remove the inner \
+                 side from the mesh, or use --volume carve",
+                label.caption
+            )),
+            (Construction::Solid, Construction::Wall { .. }) if mesh.is_sheet() => {
+                let Estimate { low, high, .. } = options.sheet_m().scaled(1e3);
+                Some(format!(
+                    "the mesh is a sheet without thickness, and the answer about {:?} gives none: {} to {} mm is assumed; set \
+                     another one with --wall-m",
+                    label.caption,
+                    significant(low),
+                    significant(high)
+                ))
+            }
+            _ => None,
+        }
+    };
+    field.labels.iter().enumerate().filter_map(of_label).collect()
 }
 
 fn shapes(

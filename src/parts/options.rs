@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::config::SceneKey;
 use crate::config::option_values::{self, Domain, OptionError, above, below, from_to, with_unit};
+use crate::units::Estimate;
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
 const VOLUME_CELLS: usize = 2_000_000;
@@ -50,15 +51,15 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "snake_case")]
 pub enum VolumeMethod {
-    /// Carve with up to --carve-views views; each part is solid or a wall around a hollow, as its answer says and the
-    /// geometry allows.
+    /// Carve with up to --carve-views views, or take the volume of a mesh; each part is solid or a wall around a hollow, as
+    /// its answer says and the geometry allows.
     #[default]
     Hybrid,
     /// Take the skin that the Gaussians form and everything inside it, all solid; needs no cameras.
     Fill,
     /// Carve with up to --carve-views views; every part is solid.
     Carve,
-    /// Carve with up to --carve-views views; every part is a wall with the answer's thickness, or `--wall-m`.
+    /// As `hybrid`, but every part is a wall with the answer's thickness, or `--wall-m`.
     Shell,
 }
 
@@ -89,7 +90,7 @@ pub struct Options {
     /// For `--volume fill`, density above which a cell is skin: opacity times fall-off, summed over the Gaussians
     #[arg(long, value_name = "DENSITY", default_value_t = FILL_DENSITY, value_parser = DENSITY)]
     pub fill_density: f64,
-    /// For `--volume shell`, wall thickness in metres of parts whose answer gives none
+    /// For `--volume shell` and for meshes of sheets, wall thickness in metres of parts whose answer gives none
     #[arg(long, value_name = "M", default_value_t = WALL_M, value_parser = LENGTH_M)]
     pub wall_m: f64,
     /// Ignore connected bodies with less than this fraction of the object's total opacity: they are floaters
@@ -117,6 +118,13 @@ impl Default for Options {
     }
 }
 
+impl VolumeMethod {
+    /// Whether it takes the volumes of a mesh from the mesh.
+    pub fn takes_mesh(self) -> bool {
+        matches!(self, Self::Hybrid | Self::Shell)
+    }
+}
+
 /// The units in which a mass can be given, and how many of them make a kilogram.
 const MASS_UNITS: [(&str, f64); 2] = [("kg", 1.0), ("g", 1e3)];
 
@@ -127,6 +135,11 @@ fn mass_kg(text: &str) -> Result<f64, String> {
 }
 
 impl Options {
+    /// The thickness of a sheet of which no answer says it, m: of [`WALL_M`], from 1 to 5 mm.
+    pub(super) fn sheet_m(&self) -> Estimate {
+        Estimate::new(self.wall_m / 3.0, self.wall_m, 5.0 / 3.0 * self.wall_m)
+    }
+
     /// Checks that every number is within its domain.
     ///
     /// # Errors

@@ -1,7 +1,7 @@
 //! The metric scale that follows from what the object weighs.
 
 use super::assign::Labelled;
-use super::compose::{Construction, compose, thickness::Chord, wire::Wire};
+use super::compose::{Construction, Evidence, compose, thickness::Chord};
 use crate::vote::{Contents, FieldLabel};
 
 /// A trial changes the scale by less than this once it has converged.
@@ -11,19 +11,17 @@ const CONVERGED: f64 = 1e-4;
 const TRIALS: usize = 30;
 
 /// The metres in a scene unit with which the object weighs `kg`, everything else being at its middle value.
-/// `construction` says how a label is built at a scale.
+/// `constructions` says how the labels are built at a scale.
 pub fn meters_per_unit(
     kg: f64,
     cells: &Labelled,
     chords: &[Option<Chord>],
-    wires: &[Wire],
-    uncertainty: f64,
+    evidence: &Evidence,
     labels: &[FieldLabel],
-    construction: impl Fn(&FieldLabel, f64) -> Construction,
+    constructions: impl Fn(f64) -> Vec<Construction>,
 ) -> Option<f64> {
     let weigh = |meters: f64| {
-        let constructions: Vec<Construction> = labels.iter().map(|label| construction(label, meters)).collect();
-        let (composed, _) = compose(cells.clone(), &constructions, chords, wires, uncertainty);
+        let (composed, _) = compose(cells.clone(), &constructions(meters), chords, evidence);
         let mass_of = |(l, label): (usize, &FieldLabel)| {
             let filling = match (&composed.hollows[l], &label.inside) {
                 (Some(hollow), Some(Contents::Filled(filled))) => {

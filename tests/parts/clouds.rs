@@ -112,7 +112,7 @@ impl Cloud {
     }
 }
 
-fn label(id: u32, form: Form) -> FieldLabel {
+pub fn label(id: u32, form: Form) -> FieldLabel {
     changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
         label.caption = format!("part {id}");
         (label.density_kg_m3, label.form) = (Estimate::exactly(1000.0), form);

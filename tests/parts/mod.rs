@@ -9,6 +9,7 @@ mod fillings;
 mod hidden;
 mod interior;
 mod mutants;
+mod of_mesh;
 mod scenes;
 mod thin;
 pub mod truth;

@@ -19,7 +19,7 @@ mod nearest;
 // Gaussians that are set aside, and scales that are refused.
 mod outliers;
 // Meshes of known solids, built in code.
-mod shapes;
+pub mod shapes;
 // The solids that meshes bound, against closed forms.
 mod solid;
 // The scale from a printed marker.

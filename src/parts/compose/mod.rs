@@ -6,12 +6,15 @@
 //! - a shell's wall is between the answer's low and high thickness;
 //! - for solids whose other side is unseen, see [`unseen`] and [`mirror`]; for the hidden walls of shells, see [`wall`].
 //!
+//! The volumes of a mesh are its own: see [`of_mesh`].
+//!
 //! The core of a shell fills the space that the wall leaves, see [`cores`]; so does a filling.
 
 mod cavity;
 mod contact;
 mod cores;
 mod mirror;
+pub mod of_mesh;
 mod sheet;
 mod spread;
 pub mod thickness;
@@ -26,7 +29,9 @@ use super::assign::Labelled;
 use super::grid::surface::NONE;
 use super::grid::{FILLING, Interior, OUTSIDE, VOID};
 use super::mass::moments::Moments;
+use super::mass::unknowns::Effect;
 use crate::units::{Estimate, Reading};
+use of_mesh::OfMesh;
 use thickness::{Chord, thickness};
 use unseen::Doubt;
 use volume::{READINGS, SOLID_SPREAD, Volume, WALL_SPREAD};
@@ -46,6 +51,16 @@ pub enum Construction {
         thickness: Estimate,
         filled: Option<Estimate>,
     },
+}
+
+/// How well the surface of the cells is known.
+pub struct Evidence {
+    /// Possible error of the surface's position, scene units.
+    pub uncertainty: f64,
+    /// Per cell, the share of it that is material, if that was measured.
+    pub wires: Vec<Wire>,
+    /// What the mesh says, if the object is one.
+    pub mesh: Option<OfMesh>,
 }
 
 /// The object's inside, filled with material.
@@ -73,19 +88,22 @@ pub struct Hollow {
     pub moments: Moments,
 }
 
-/// Fills the cells. `constructions` are per label, `chords` per surface cell, `wires` per cell; `uncertainty` is the
-/// possible error of the surface's position, scene units.
+/// Fills the cells. `constructions` are per label, `chords` per surface cell.
 pub fn compose(
     mut cells: Labelled,
     constructions: &[Construction],
     chords: &[Option<Chord>],
-    wires: &[Wire],
-    uncertainty: f64,
+    evidence: &Evidence,
 ) -> (Composed, Labelled) {
+    let Evidence { uncertainty, wires, mesh } = evidence;
     let is_solid: Vec<bool> = constructions.iter().map(|c| *c == Construction::Solid).collect();
     let passages = cores::run_through(&mut cells, &is_solid, wires);
-    let mut doubt = unseen::doubts(&cells, &unseen::thin(&thickness(chords, constructions.len()), &is_solid));
-    let is_mirrored = mirror::doubt_unlike_the_seen_side(&cells, &is_solid, &mut doubt);
+    let mut doubt = vec![Doubt::None; cells.label.len()];
+    let mut is_mirrored = false;
+    if mesh.is_none() {
+        doubt = unseen::doubts(&cells, &unseen::thin(&thickness(chords, constructions.len()), &is_solid));
+        is_mirrored = mirror::doubt_unlike_the_seen_side(&cells, &is_solid, &mut doubt);
+    }
     let wall_of = |label: u32| match constructions[label as usize] {
         Construction::Solid => Estimate::exactly(0.0),
         Construction::Wall { thickness, .. } => thickness,
@@ -99,18 +117,17 @@ pub fn compose(
     let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
     let is_material = |i: usize| doubt[i] < Doubt::Strong;
     let cores = cores::cores(&cells, &is_solid, is_void, is_material);
-    let contents = Contents { cells: &cells, constructions, cores: &cores, doubt: &doubt, walls: &walls, wires };
+    let contents = Contents { cells: &cells, constructions, cores: &cores, doubt: &doubt, walls: &walls, evidence };
 
-    let slacks = contents.slacks(uncertainty);
+    let slacks = contents.slacks(*uncertainty);
     let (own, hollow) = contents.volumes();
     let mut enclosed = vec![0.0; constructions.len()];
     cells.label.iter().filter(|label| **label != NONE).for_each(|&l| enclosed[l as usize] += cells.grid.cell_volume());
-    let volume = |l: usize| {
-        if is_solid[l] {
-            Volume::of(own[l], slacks[l], SOLID_SPREAD)
-        } else {
-            Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l])
-        }
+    let volume = |l: usize| match (mesh, is_solid[l]) {
+        (None, true) => Volume::of(own[l], slacks[l], SOLID_SPREAD),
+        (None, false) => Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l]),
+        (Some(mesh), true) => Volume::measured(own[l], mesh.volume_effect),
+        (Some(mesh), false) => Volume::measured(own[l], Effect::NONE).within(mesh.most(l)),
     };
     let mut volumes: Vec<Volume> = (0..constructions.len()).map(volume).collect();
     for core in (0..volumes.len()).filter(|&l| is_solid[l]) {
@@ -137,7 +154,7 @@ struct Contents<'a> {
     cores: &'a [Option<u32>],
     doubt: &'a [Doubt],
     walls: &'a WallDepths,
-    wires: &'a [Wire],
+    evidence: &'a Evidence,
 }
 
 /// The volume of a part's material, or of the space behind its wall, in each of the [`READINGS`]: scene units cubed.
@@ -154,13 +171,18 @@ impl Contents<'_> {
                     Reading::Mid => Doubt::Strong,
                     Reading::High => Doubt::Empty,
                 };
-                let whole = if self.wires[i].share > 0.0 { f64::from(self.wires[i].share) } else { 1.0 };
+                let share = self.evidence.wires[i].share;
+                let whole = if share > 0.0 { f64::from(share) } else { 1.0 };
                 (if self.doubt[i] < beyond { whole } else { 0.0 }, 0.0)
             }
             Construction::Wall { thickness, .. } => {
                 let hidden = if self.cores[label].is_some() { AROUND_CORE } else { AROUND_VOID };
+                let (thickness, cell) = (wall.of(thickness), self.cells.grid.cell);
+                if let Some(mesh) = &self.evidence.mesh {
+                    return mesh.wall_shares(i, thickness, cell);
+                }
                 let (open, seam) = (unseen.of(hidden.unseen), unseen.of(hidden.seam));
-                let own = self.walls.share(i, wall.of(thickness), open, seam, self.cells.grid.cell);
+                let own = self.walls.share(i, thickness, open, seam, cell);
                 (own, 1.0 - own)
             }
         }
@@ -187,7 +209,18 @@ impl Contents<'_> {
         let total = |l: usize| -> Readings {
             std::array::from_fn(|k| layers.iter().map(|layer| layer[l][k]).sum::<f64>() * grid.cell_volume())
         };
-        ((0..labels).map(total).collect(), (labels..2 * labels).map(total).collect())
+        let (mut own, mut hollow): (Vec<Readings>, Vec<Readings>) =
+            ((0..labels).map(total).collect(), (labels..2 * labels).map(total).collect());
+        if let Some(mesh) = &self.evidence.mesh {
+            for (l, construction) in self.constructions.iter().enumerate() {
+                own[l] = match construction {
+                    Construction::Solid => own[l].map(|of_cells| mesh.solid(of_cells)),
+                    Construction::Wall { thickness, .. } => READINGS.map(|(wall, _)| mesh.wall(l, wall.of(*thickness))),
+                };
+                hollow[l] = own[l].map(|wall| mesh.behind(l, wall));
+            }
+        }
+        (own, hollow)
     }
 
     /// Per label, the volume that the uncertainty of the surface may add or remove, scene units cubed: that of the outer
@@ -196,15 +229,16 @@ impl Contents<'_> {
     fn slacks(&self, uncertainty: f64) -> Vec<f64> {
         let mut slacks = vec![0.0; self.constructions.len()];
         let of_solid = |label: u32| self.constructions.get(label as usize) == Some(&Construction::Solid);
-        let is_wire = |cell: usize| self.wires[cell].share > 0.0 && of_solid(self.cells.label[cell]);
+        let wires = &self.evidence.wires;
+        let is_wire = |cell: usize| wires[cell].share > 0.0 && of_solid(self.cells.label[cell]);
         for (&cell, area) in self.cells.surface.cells.iter().zip(&self.cells.surface.areas) {
             let label = self.cells.label[cell as usize];
             if let Some(slack) = slacks.get_mut(label as usize).filter(|_| !is_wire(cell as usize)) {
                 *slack += area * uncertainty;
             }
         }
-        for cell in (0..self.wires.len()).filter(|&cell| is_wire(cell)) {
-            let Wire { share, error } = self.wires[cell];
+        for cell in (0..wires.len()).filter(|&cell| is_wire(cell)) {
+            let Wire { share, error } = wires[cell];
             slacks[self.cells.label[cell] as usize] += f64::from(share * error) * self.cells.grid.cell_volume();
         }
         slacks
@@ -229,7 +263,11 @@ impl Contents<'_> {
         let shares = cells.map(|(i, l)| (i, *l as usize, self.shares(i, Reading::Mid, Reading::Mid).1));
         let moments = Moments::of(&self.cells.grid, shares, readings.len());
         let hollow = |(l, moments): (usize, Option<Moments>)| {
-            let volume = Volume::of(readings[l], slacks[l], SOLID_SPREAD).behind(std::iter::once(&walls[l]));
+            let volume = match &self.evidence.mesh {
+                Some(mesh) => Volume::measured(readings[l], mesh.volume_effect),
+                None => Volume::of(readings[l], slacks[l], SOLID_SPREAD),
+            };
+            let volume = volume.behind(std::iter::once(&walls[l]));
             let volume = volume.within(enclosed[l]);
             Some(Hollow { volume, moments: moments? })
         };

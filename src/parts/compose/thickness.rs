@@ -68,8 +68,8 @@ pub fn chord(cells: &Labelled, s: usize) -> Option<Chord> {
     Some(Chord { label, length, area: surface.areas[s], seen, exit })
 }
 
-/// Quartiles of lengths weighted by area.
-fn quartiles(mut chords: Vec<(f64, f64)>) -> Option<Estimate> {
+/// Quartiles of lengths weighted by area; `None` if there are none.
+pub fn quartiles(mut chords: Vec<(f64, f64)>) -> Option<Estimate> {
     chords.sort_by(|a, b| a.0.total_cmp(&b.0));
     let total: f64 = chords.iter().map(|(_, area)| area).sum();
     let quantile = |share: f64| {

@@ -41,14 +41,17 @@ impl Volume {
     /// The volume with these [`READINGS`]; `slack` is the volume that the uncertainty of the surface may add or remove,
     /// `spread` the error that no other rule covers.
     pub fn of(readings: [f64; READINGS.len()], slack: f64, spread: f64) -> Self {
-        let [mid, thin, thick, least, most] = readings;
-        let ln = |volume: f64| (volume / mid).clamp(1.0 / FARTHEST, FARTHEST).ln();
-        let effect =
-            |low: f64, high: f64| if mid > 0.0 { Effect { low: ln(low), high: ln(high) } } else { Effect::NONE };
-        let surface = effect(mid - slack, mid + slack);
+        let [mid, ..] = readings;
+        let surface = effect(mid, mid - slack, mid + slack);
         let method = Effect { low: -surface.low.hypot(spread), high: surface.high.hypot(spread) };
-        let wall = effect(thin, thick).wider(OVERCONFIDENCE);
-        Self { mid, method, wall, wall_most: f64::INFINITY, unseen: effect(least, most) }
+        Self::measured(readings, method)
+    }
+
+    /// The volume with these [`READINGS`], if `method` is all by which its surface may be off.
+    pub fn measured(readings: [f64; READINGS.len()], method: Effect) -> Self {
+        let [mid, thin, thick, least, most] = readings;
+        let wall = effect(mid, thin, thick).wider(OVERCONFIDENCE);
+        Self { mid, method, wall, wall_most: f64::INFINITY, unseen: effect(mid, least, most) }
     }
 
     /// The same volume of a wall or of a hollow, if no thickness of the wall can make it larger than `most`, the volume inside
@@ -79,6 +82,12 @@ impl Volume {
         };
         Estimate::new(self.mid / width(false), self.mid, self.mid * width(true))
     }
+}
+
+/// The change of the logarithm of a volume from its middle to its ends.
+fn effect(mid: f64, low: f64, high: f64) -> Effect {
+    let ln = |volume: f64| (volume / mid).clamp(1.0 / FARTHEST, FARTHEST).ln();
+    if mid > 0.0 { Effect { low: ln(low), high: ln(high) } } else { Effect::NONE }
 }
 
 #[cfg(test)]

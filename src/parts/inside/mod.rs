@@ -1,12 +1,14 @@
 //! Finds the object's inside on a grid, with the method that the options select.
 //!
 //! [`depth_view`] derives the surface in every view from the Gaussians, [`hull`] bounds it, [`carve`] removes what the
-//! views look through, and [`refine`] locates the surface between cells. Alternatively, [`fill`] works without cameras.
+//! views look through, and [`refine`] locates the surface between cells. Alternatively, [`fill`] works without cameras, and [`mesh`] is not
+//! of Gaussians at all.
 
 mod carve;
 pub mod depth_view;
 mod fill;
 mod hull;
+pub mod mesh;
 mod refine;
 pub mod silhouettes;
 

@@ -8,8 +8,9 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::Result;
-use crate::parts::{self, Interior, Options, Parts, Shape};
+use crate::parts::{self, Interior, Options, Parts, PartsError, PartsResult, Shape};
 use crate::scene::View;
+use crate::scene::mesh::solid::Measured;
 use crate::units::{Estimate, MetricScale, Range};
 use crate::workdir::Artifact;
 
@@ -68,15 +69,7 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
 
 fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     let (work, scale) = (&open.work, query::scale(open)?);
-    let result = parts::parts(
-        &open.scene.gaussians,
-        &*open.get::<MaterialField>()?,
-        &open.scene.cameras(),
-        &coverage(&open.scene.views, &open.options.parts)?,
-        scale.as_ref(),
-        &open.options.parts,
-        open.progress(),
-    )?;
+    let result = measured(open, scale.as_ref())?;
     let mut warnings = result.warnings.clone();
     match result.metric() {
         Ok(parts) => work.write_json(Artifact::Parts, parts)?,
@@ -88,6 +81,17 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     }
     work.write_with(Artifact::Interior, |out| result.interior.write(out))?;
     Ok(Done::writing([Artifact::Parts, Artifact::Interior]).warning(warnings).noting(result.notes))
+}
+
+fn measured(open: &OpenScene, scale: Option<&MetricScale>) -> Result<PartsResult> {
+    let (gaussians, options) = (&open.scene.gaussians, &open.options.parts);
+    let field = open.get::<MaterialField>()?;
+    if let Some(mesh) = open.scene.mesh.as_ref().filter(|_| options.volume.takes_mesh()) {
+        let mesh = Measured::of(&mesh.painted.mesh.surface).map_err(PartsError::from)?;
+        return Ok(parts::parts_of_mesh(gaussians, &field, &mesh, scale, options)?);
+    }
+    let (cameras, coverage) = (open.scene.cameras(), coverage(&open.scene.views, options)?);
+    Ok(parts::parts(gaussians, &field, &cameras, &coverage, scale, options, open.progress())?)
 }
 
 /// For each view, the share of each pixel of its photo that the object covers; `None` if it is unknown or the view is

@@ -13,7 +13,9 @@ use crate::numeric::hull::Hull;
 use crate::units::Estimate;
 
 /// A place belongs to the material if the surface winds around it more often than this: surely, probably, possibly.
-const LEVELS: [f64; INTEGRALS] = [0.75, 0.5, 0.25];
+const LEVELS: [f64; INTEGRALS] = [0.75, PROBABLY, 0.25];
+/// See [`LEVELS`].
+pub const PROBABLY: f64 = 0.5;
 /// A surface is a sheet if less than this share of the space that it may enclose is surely enclosed.
 const SHEET: f64 = 0.1;
 /// A surface that is not closed has mere holes if more than this share is.
@@ -36,6 +38,48 @@ pub struct Material {
     pub doubts: Vec<Doubt>,
     /// Number of outermost components that faced inward.
     pub inverted: usize,
+    /// How often each component winds around its inside: 1, or -1 for a void.
+    pub turns: Vec<f64>,
+}
+
+/// How often a surface winds around places.
+pub struct Turning<'a> {
+    closed: Winding<'a>,
+    /// Of the components that are not closed, if there are any.
+    open: Option<Winding<'a>>,
+}
+
+/// How often a surface winds around one place.
+#[derive(Debug, Clone, Copy)]
+pub struct Turns {
+    /// Its closed components: a whole number.
+    pub closed: f64,
+    /// The others.
+    pub open: f64,
+}
+
+impl Turns {
+    pub fn sum(self) -> f64 {
+        self.closed + self.open
+    }
+}
+
+impl<'a> Turning<'a> {
+    /// Of a surface whose components wind around their insides as often as `turns` say.
+    pub fn of(surface: &'a Oriented, turns: &[f64]) -> Self {
+        let Oriented { tree, component_of, components, .. } = surface;
+        let component = |n: u32| component_of[n as usize] as usize;
+        let is_closed = |n: u32| components[component(n)].is_closed;
+        let has_open = components.iter().any(|component| !component.is_closed);
+        Self {
+            closed: Winding::of(tree, |n| if is_closed(n) { turns[component(n)] } else { 0.0 }),
+            open: has_open.then(|| Winding::of(tree, |n| if is_closed(n) { 0.0 } else { 1.0 })),
+        }
+    }
+
+    pub fn around(&self, point: Point3<f64>) -> Turns {
+        Turns { closed: self.closed.at(point).round(), open: self.open.as_ref().map_or(0.0, |open| open.at(point)) }
+    }
 }
 
 /// Finds the material.
@@ -62,9 +106,9 @@ pub fn material(surface: &Oriented) -> Material {
     if kind == Kind::Sheet {
         // Of a sheet, only what it might hold is known.
         let volume = Estimate::new(0.0, 0.0, volume.high);
-        return Material { volume, moments: Moments::ZERO, kind, doubts, inverted };
+        return Material { volume, moments: Moments::ZERO, kind, doubts, inverted, turns };
     }
-    Material { volume, moments, kind, doubts, inverted }
+    Material { volume, moments, kind, doubts, inverted, turns }
 }
 
 /// The components and how they lie within each other.
@@ -157,18 +201,15 @@ impl<'a> Layers<'a> {
         if self.is_simple() {
             return Integrals { moments: [self.total(turns); INTEGRALS], errors: [0.0; INTEGRALS] };
         }
-        let Oriented { tree, corners, component_of, components, .. } = self.surface;
-        let has_open = components.iter().any(|component| !component.is_closed);
-        let is_closed = |n: u32| components[component_of[n as usize] as usize].is_closed;
-        let closed = Winding::of(tree, |n| if is_closed(n) { turns[component_of[n as usize] as usize] } else { 0.0 });
-        let open = has_open.then(|| Winding::of(tree, |n| if is_closed(n) { 0.0 } else { 1.0 }));
+        let Oriented { corners, components, .. } = self.surface;
+        let turning = Turning::of(self.surface, turns);
         // What closed components contribute is known exactly, so only the difference is integrated.
         let sample = |point: Point3<f64>| {
-            let whole = closed.at(point).round();
-            let field = whole + open.as_ref().map_or(0.0, |open| open.at(point));
-            Sample { values: LEVELS.map(|level| if field > level { 1.0 - whole } else { -whole }), field }
+            let around = turning.around(point);
+            let field = around.sum();
+            Sample { values: LEVELS.map(|level| f64::from(u8::from(field > level)) - around.closed), field }
         };
-        let levels: &[f64] = if has_open { &LEVELS } else { &[] };
+        let levels: &[f64] = if turning.open.is_some() { &LEVELS } else { &[] };
         let mut integrals = integrate(corners, sample, levels);
         let known = components.iter().zip(turns).fold(Moments::ZERO, |sum, (c, turn)| sum + c.moments * *turn);
         integrals.moments = integrals.moments.map(|moments| moments + known);

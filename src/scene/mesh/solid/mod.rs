@@ -7,7 +7,7 @@
 //! 4. [`mod@material`] sums the [`moments`] of what is closed exactly, and integrates the rest with [`quadrature`] over the
 //!    [`winding`] number; [`mod@thickness`] recognises walls.
 //!
-//! [`survey()`] looks at a mesh in a fraction of that time.
+//! [`Measured`] also says place by place where the material is. [`survey()`] looks at a mesh in a fraction of that time.
 //!
 //! Rays and winding numbers use the [`tree`]. The result depends on the surface alone: neither on the order of its triangles
 //! nor on the number of threads.
@@ -17,6 +17,7 @@ mod error;
 mod facing;
 mod frame;
 mod material;
+mod measured;
 mod moments;
 mod nesting;
 mod oriented;
@@ -38,8 +39,7 @@ use crate::words::output::{agreeing, counted};
 use connected::{Connected, area_of};
 pub use error::SolidError;
 use frame::Frame;
-use material::Material;
-use oriented::Oriented;
+pub use measured::{Measured, SurfacePlace};
 pub use survey::{Survey, survey};
 use weld::Welded;
 
@@ -193,21 +193,7 @@ impl fmt::Display for Doubt {
 /// # Errors
 /// [`SolidError`] if there is no triangle with an area, or a triangle has a corner that does not exist or lies nowhere.
 pub fn measure(surface: &Triangles) -> Result<Solid, SolidError> {
-    check(surface)?;
-    let frame = Frame::of(surface);
-    let oriented = Oriented::of(surface, &frame).ok_or(SolidError::NoArea { triangles: surface.triangles.len() })?;
-    let shell = Shell::of(&oriented.corners, &frame);
-    let Material { volume, moments, kind, doubts, inverted } = material::material(&oriented);
-    let has_volume = moments.volume > 0.0;
-    Ok(Solid {
-        kind: kind.scaled(|length| frame.length(length)),
-        volume: Estimate::new(frame.volume(volume.low), frame.volume(volume.mid), frame.volume(volume.high)),
-        center: if has_volume { frame.point_back(moments.center()) } else { shell.center },
-        inertia: if has_volume { frame.inertia(&moments) } else { Matrix3::zeros() },
-        shell,
-        doubts,
-        topology: Topology { inverted_components: inverted, ..oriented.topology },
-    })
+    Measured::of(surface).map(|measured| measured.solid)
 }
 
 fn check(surface: &Triangles) -> Result<(), SolidError> {

@@ -1,0 +1,196 @@
+//! Volumes and masses of meshes: their own, divided among their parts.
+
+use std::f64::consts::PI;
+
+use gprop::materials::Law;
+use gprop::parts::{Options, Parts, parts_of_mesh};
+use gprop::query::Form;
+use gprop::scene::mesh::solid::Measured;
+use gprop::scene::mesh::{Mesh, PaintedMesh, Triangles, sample};
+use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
+use gprop::vote::{Contents, Filled, MaterialField};
+
+use super::clouds::label;
+use crate::scene::shapes::{cuboid, joined, reversed, revolved, sphere};
+
+/// A scene unit of 0.5 m, so that a confusion of the two is noticed.
+const SCALE: MetricScale =
+    MetricScale { meters_per_unit: 0.5, source: ScaleSource::Factor, provenance: String::new(), range: None };
+/// Issue 48: masses within a hundredth of volume times density.
+const NEAR: f64 = 0.01;
+
+/// A fiftieth of the default's cells.
+fn options() -> Options {
+    Options { volume_cells: 40_000, ..Options::default() }
+}
+
+/// The parts of a mesh whose Gaussians `part_of` divides by their position; `forms` per part, 1000 kg/m3.
+fn measured(mesh: &Triangles, forms: &[Form], part_of: impl Fn([f32; 3]) -> u32) -> Parts {
+    measured_with(mesh, &options(), |gaussians| {
+        let labels = (1..).zip(forms).map(|(id, form)| label(id, *form)).collect();
+        MaterialField::known(labels, gaussians.iter().copied().map(&part_of).collect())
+    })
+}
+
+fn measured_with(mesh: &Triangles, options: &Options, field: impl FnOnce(&[[f32; 3]]) -> MaterialField) -> Parts {
+    let faces =
+        vec![gprop::scene::mesh::Face { material: 0, piece: 0, texture_coordinates: None }; mesh.triangles.len()];
+    let materials = vec![gprop::scene::mesh::Material::default()];
+    let painted = PaintedMesh::new(Mesh { surface: mesh.clone(), faces, materials, pieces: 1, ..Mesh::default() });
+    let gaussians = sample(&painted.unwrap()).unwrap().gaussians;
+    let field = field(&gaussians.positions);
+    let measured = Measured::of(mesh).unwrap();
+    let result = parts_of_mesh(&gaussians, &field, &measured, Some(&SCALE), options).unwrap();
+    let parts = result.metric().unwrap().clone();
+    println!("{:?}: {:?} {:?}", measured.solid.kind, parts.object, parts.warnings);
+    parts
+}
+
+fn one(mesh: &Triangles, form: Form) -> Parts {
+    measured(mesh, &[form], |_| 0)
+}
+
+fn wall(thickness_m: f64) -> Form {
+    Form::Shell { wall_thickness_m: Range::exactly(thickness_m) }
+}
+
+/// Fails unless a mass is that of so many cubic units within [`NEAR`].
+#[track_caller]
+fn assert_weighs(mass_kg: Estimate, units3: f64) {
+    assert_weighs_within(mass_kg, units3, NEAR);
+}
+
+#[track_caller]
+fn assert_weighs_within(mass_kg: Estimate, units3: f64, tolerance: f64) {
+    let expected = 1000.0 * units3 * SCALE.meters_per_unit.powi(3);
+    assert!((mass_kg.mid / expected - 1.0).abs() < tolerance, "{mass_kg:?} is not {expected}");
+}
+
+/// Radius 1, height 2.5, wall and bottom 0.08: with both sides.
+const CUP: [[f64; 2]; 6] = [[0.0, 0.0], [1.0, 0.0], [1.0, 2.5], [0.92, 2.5], [0.92, 0.08], [0.0, 0.08]];
+const CUP_VOLUME: f64 = PI * (2.5 - 0.92 * 0.92 * 2.42);
+
+#[test]
+fn solids_weigh_what_they_enclose() {
+    let ball = sphere([0.2, -0.1, 3.0], 0.5, 80);
+    let exact = measured_with(&ball, &options(), |gaussians| {
+        MaterialField::known(vec![label(1, Form::Solid)], vec![0; gaussians.len()])
+    });
+    assert_weighs(exact.object.mass_kg, PI / 6.0);
+    // The volume of a closed mesh is exact, and the density of this field too.
+    assert_eq!(
+        (exact.object.mass_kg.low, exact.object.mass_kg.high),
+        (exact.object.mass_kg.mid, exact.object.mass_kg.mid)
+    );
+    // The grid does not matter.
+    let coarse = Options { volume_cells: 20_000, ..Options::default() };
+    let coarse = measured_with(&ball, &coarse, |gaussians| {
+        MaterialField::known(vec![label(1, Form::Solid)], vec![0; gaussians.len()])
+    });
+    assert!((coarse.object.mass_kg.mid / exact.object.mass_kg.mid - 1.0).abs() < 1e-9);
+    let center = exact.object.center_of_mass_m;
+    assert!((center[2] - 1.5).abs() < 1e-3 && (center[0] - 0.1).abs() < 1e-3, "{center:?}");
+    // 2/5 m r^2.
+    let inertia = 0.4 * exact.object.mass_kg.mid * 0.25f64.powi(2);
+    assert!((exact.object.inertia_kg_m2[0][0] / inertia - 1.0).abs() < NEAR, "{:?}", exact.object.inertia_kg_m2);
+
+    let washer = revolved(&[[0.5, 0.0], [1.0, 0.0], [1.0, 0.4], [0.5, 0.4], [0.5, 0.0]], 200);
+    assert_weighs(one(&washer, Form::Solid).object.mass_kg, PI * 0.75 * 0.4);
+    let hollow = joined(&[sphere([0.0; 3], 1.0, 80), reversed(sphere([0.2, 0.0, 0.0], 0.5, 80))]);
+    assert_weighs(one(&hollow, Form::Solid).object.mass_kg, 4.0 / 3.0 * PI * 0.875);
+    let open = one(&hollow, Form::Solid);
+    assert!(open.warnings.is_empty(), "{:?}", open.warnings);
+}
+
+#[test]
+fn a_wall_with_both_sides_is_as_thick_as_the_mesh_has_it() {
+    let cup = revolved(&CUP, 200);
+    // 0.08 units are 40 mm; the answers say 30, or that it is solid.
+    for form in [wall(0.03), Form::Solid] {
+        let parts = one(&cup, form);
+        assert_weighs(parts.object.mass_kg, CUP_VOLUME);
+        let thickness = parts.parts[0].thickness_m.unwrap();
+        assert!((thickness.mid - 0.04).abs() < 0.001, "{thickness:?}");
+    }
+    // Far thinner than a cell.
+    let can = revolved(&[[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.998, 2.0], [0.998, 0.002], [0.0, 0.002]], 200);
+    assert_weighs(one(&can, wall(0.001)).object.mass_kg, PI * (2.0 - 0.998 * 0.998 * 1.998));
+    let shell = joined(&[sphere([0.0; 3], 1.0, 80), sphere([0.0; 3], 0.95, 80)]);
+    assert_weighs(one(&shell, wall(0.02)).object.mass_kg, 4.0 / 3.0 * PI * (1.0 - 0.95f64.powi(3)));
+}
+
+#[test]
+fn a_closed_surface_of_a_shell_has_the_wall_of_the_answer() {
+    // 20 mm are 0.04 units, more than a cell; half a millimetre far less.
+    for (thickness_m, units) in [(0.02, 0.04), (0.0005, 0.001)] {
+        let parts = one(&sphere([0.0; 3], 1.0, 100), wall(thickness_m));
+        assert_weighs(parts.object.mass_kg, 4.0 * PI * units);
+        assert_eq!(parts.parts[0].thickness_m.map(|thickness| thickness.mid), Some(thickness_m));
+        let center = parts.object.center_of_mass_m;
+        assert!(center.iter().all(|x| x.abs() < 0.005), "{center:?}");
+    }
+    let case = one(&cuboid([0.0; 3], [2.0, 1.0, 0.4]), wall(0.01));
+    assert_weighs(case.object.mass_kg, 2.0 * (2.0 + 0.8 + 0.4) * 0.02);
+    let center = case.object.center_of_mass_m;
+    assert!((center[2] - 0.1).abs() < 0.005 && (center[0] - 0.5).abs() < 0.005, "{center:?}");
+    let range = Form::Shell { wall_thickness_m: Range::new(0.005, 0.02) };
+    let mass = one(&sphere([0.0; 3], 1.0, 100), range).object.mass_kg;
+    assert!(mass.low < 0.6 * mass.mid && mass.high > 1.5 * mass.mid, "{mass:?}");
+}
+
+#[test]
+fn sheets_weigh_area_times_the_wall_of_the_answer() {
+    // A vessel of a single sheet, open above: nothing closes it there.
+    let cup = revolved(&[[0.0, 0.0], [1.0, 0.0], [1.0, 2.5]], 200);
+    let area = PI + 5.0 * PI;
+    assert_weighs(one(&cup, wall(0.001)).object.mass_kg, area * 0.002);
+    // The same as a solid of which a side is missing.
+    let full = one(&cup, Form::Solid);
+    assert_weighs(full.object.mass_kg, 2.5 * PI);
+    assert!(full.object.mass_kg.low < 0.97 * full.object.mass_kg.mid, "{:?}", full.object);
+    assert!(full.warnings.iter().any(|warning| warning.contains("not closed")), "{:?}", full.warnings);
+    // A sheet that encloses nothing; its thickness is more than a cell.
+    let mut plate = cuboid([0.0; 3], [2.0, 1.0, 0.5]);
+    plate.triangles.truncate(2);
+    let side = 2.0;
+    assert_weighs(one(&plate, wall(0.01)).object.mass_kg, side * 0.02);
+    let assumed = one(&plate, Form::Solid);
+    assert_weighs(assumed.object.mass_kg, side * 0.006);
+    assert!(assumed.warnings.iter().any(|warning| warning.contains("--wall-m")), "{:?}", assumed.warnings);
+}
+
+#[test]
+fn parts_share_the_volume_of_the_mesh() {
+    // A cup on a solid foot that does not touch it.
+    let foot = cuboid([-1.0, -1.0, -0.6], [1.0, 1.0, -0.05]);
+    let both = joined(&[revolved(&CUP, 200), foot.clone()]);
+    let parts = measured(&both, &[wall(0.03), Form::Solid], |position| u32::from(position[2] < -0.02));
+    assert_weighs_within(parts.parts[0].mass_kg.unwrap(), CUP_VOLUME, 0.03);
+    assert_weighs_within(parts.parts[1].mass_kg.unwrap(), 2.0 * 2.0 * 0.55, 0.03);
+    assert_weighs(parts.object.mass_kg, CUP_VOLUME + 2.2);
+    // One closed surface, half of it hollow: the wall ends at the seam.
+    let halves = measured(&foot, &[wall(0.01), Form::Solid], |position| u32::from(position[0] < 0.0));
+    assert_weighs_within(halves.parts[1].mass_kg.unwrap(), 2.0 * 0.55, 0.03);
+    assert_weighs_within(halves.parts[0].mass_kg.unwrap(), 0.02 * (2.0 * 2.0 + 2.0 * 0.55 + 2.0 * 0.55), 0.03);
+}
+
+#[test]
+fn a_filling_is_weighed_if_the_mesh_has_the_outside_alone() {
+    let full = |gaussians: &[[f32; 3]]| {
+        let mut bottle = label(1, wall(0.01));
+        bottle.inside = Some(Contents::Filled(Filled {
+            filling: "water".to_owned(),
+            share: Estimate::exactly(1.0),
+            density_kg_m3: Estimate::exactly(1000.0),
+            youngs_modulus_pa: Estimate::exactly(1e6),
+            poisson_ratio: Estimate::exactly(0.49),
+            law: Law::Elastic,
+        }));
+        MaterialField::known(vec![bottle], vec![0; gaussians.len()])
+    };
+    let outside = measured_with(&sphere([0.0; 3], 1.0, 80), &options(), full);
+    assert_weighs(outside.object.mass_kg, 4.0 / 3.0 * PI);
+    let both = joined(&[sphere([0.0; 3], 1.0, 80), reversed(sphere([0.0; 3], 0.97, 80))]);
+    let both = measured_with(&both, &options(), full);
+    assert!(both.warnings.iter().any(|warning| warning.contains("is not weighed")), "{:?}", both.warnings);
+}
