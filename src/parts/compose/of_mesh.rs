@@ -20,6 +20,7 @@ use crate::units::Estimate;
 /// answer allows. Answers about thicknesses that no picture shows, and the walls of scans, are off by a factor of two; what is
 /// hollow is usually more than ten times as thick as its wall.
 const BOTH_SIDES: f64 = 3.0;
+
 /// What a mesh says of the parts into which its cells are divided.
 pub struct OfMesh {
     /// Whether it bounds nothing.
