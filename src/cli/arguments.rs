@@ -66,7 +66,7 @@ pub struct StageFlags {
 
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Run every stage in order, reusing the results of earlier runs.
+    /// Run every stage in order, reusing the results of earlier runs; of a URDF or MJCF, link by link.
     Run(RunArgs),
     /// Run every stage as `gprop run` does; with --open, open the report in the browser.
     Report(ReportArgs),
@@ -133,8 +133,7 @@ pub enum Command {
 
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// Folder with a splat, cameras and photos, or a mesh (.glb, .gltf, .obj, .stl, .ply); for `gprop run` also a URDF or MJCF,
-    /// whose links are run one after the other.
+    /// Folder with a splat, cameras and photos, or a mesh (.glb, .gltf, .obj, .stl, .ply).
     pub scene: PathBuf,
     #[command(flatten)]
     pub work: WorkArgs,
