@@ -136,8 +136,8 @@ fn label(id: u32, part: &TruePart) -> FieldLabel {
         label.youngs_modulus_pa = Estimate::exactly(part.youngs_modulus_pa);
         label.poisson_ratio = Estimate::exactly(part.poisson_ratio);
         label.friction_rubber = Estimate::exactly(part.friction_rubber_pad);
-        // The truth has none; no volume depends on it.
-        label.yield_strength_pa = Estimate::exactly(1e7);
+        // The truth has neither; no volume depends on them.
+        (label.yield_strength_pa, label.hardness) = (Estimate::exactly(1e7), None);
         label.form = form;
     })
 }
