@@ -46,6 +46,7 @@ fn label(id: u32, friction: Estimate, strength_pa: Estimate, youngs_modulus_pa: 
     changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
         label.density_kg_m3 = Estimate::exactly(1000.0);
         label.poisson_ratio = Estimate::exactly(0.3);
+        label.hardness = None;
         (label.friction_rubber, label.yield_strength_pa, label.youngs_modulus_pa) =
             (friction, strength_pa, youngs_modulus_pa);
     })

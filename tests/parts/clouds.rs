@@ -115,7 +115,12 @@ impl Cloud {
 pub fn label(id: u32, form: Form) -> FieldLabel {
     changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
         label.caption = format!("part {id}");
-        (label.density_kg_m3, label.form) = (Estimate::exactly(1000.0), form);
+        label.density_kg_m3 = Estimate::exactly(1000.0);
+        label.youngs_modulus_pa = Estimate::exactly(1e9);
+        label.poisson_ratio = Estimate::exactly(0.3);
+        label.yield_strength_pa = Estimate::exactly(1e7);
+        label.friction_rubber = Estimate::exactly(0.5);
+        (label.form, label.hardness) = (form, None);
     })
 }
 

@@ -285,7 +285,7 @@ fn a_region_without_gaussians_is_told() {
 
 fn label(law: Law, youngs_modulus_pa: f64, density_kg_m3: f64) -> FieldLabel {
     changed(FieldLabel::of(0, &MaterialLibrary::builtin().materials()[0]), |label| {
-        label.law = law;
+        (label.law, label.hardness) = (law, None);
         label.density_kg_m3 = Estimate::exactly(density_kg_m3);
         label.youngs_modulus_pa = Estimate::exactly(youngs_modulus_pa);
         label.poisson_ratio = Estimate::exactly(0.3);
