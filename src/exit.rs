@@ -187,7 +187,7 @@ impl Kinded for QueryError {
     }
 
     fn is_list(&self) -> bool {
-        matches!(self, Self::Missing { .. } | Self::MissingSize { .. } | Self::Import { .. })
+        matches!(self, Self::Missing { .. } | Self::MissingWhole { .. } | Self::Import { .. })
     }
 }
 

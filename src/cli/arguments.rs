@@ -385,11 +385,22 @@ pub struct QueryArgs {
     /// Delete the scene's recordings that are not used with these options.
     #[arg(long, group = "action")]
     pub prune: bool,
+    /// Ask only how heavy the object is, from three photos and its outer size: what a model says without gprop. `gprop
+    /// evaluate mass --beside direct` compares.
+    #[arg(long, conflicts_with_all = ["batch_api", "prune", "mask"])]
+    pub direct: bool,
     /// Mask of a single picture: white, or opaque, on the object.
     #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub mask: Option<PathBuf>,
     #[command(flatten)]
     pub scene: SceneArgs,
+}
+
+/// What masses are compared with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Beside {
+    /// A guess of the model that saw three photos and the outer size of the object.
+    Direct,
 }
 
 /// The two halves of a submission through the Batch API.
@@ -522,9 +533,16 @@ pub enum Evaluate {
     /// Compare masses with true ones: NeRF2Physics' errors ADE, ALDE, APE and MnRE, and pairwise relationship accuracy
     /// (PRA).
     Mass {
-        /// Scene folders with results of `gprop run` and with `ground_truth/parts.json`.
+        /// Scene folders with results of `gprop run` and with `ground_truth/parts.json`; with --weights, meshes too.
         #[arg(required_unless_present_any = ["predictions", "data_set"])]
         scenes: Vec<PathBuf>,
+        /// What a kitchen scale says: CSV with the columns name,mass_kg, where the name is that of a scene's folder, or of a
+        /// mesh without its ending
+        #[arg(long, value_name = "FILE", value_parser = option_values::file(), requires = "scenes")]
+        weights: Option<PathBuf>,
+        /// Also score what a model says of the mass without gprop, as `gprop query SCENE --direct` recorded it
+        #[arg(long, value_name = "WHAT", requires = "scenes")]
+        beside: Option<Beside>,
         /// Work folder of a single scene [default: SCENE/gprop], or, with --data-set, the folder that
         /// `gprop batch --out` wrote
         #[arg(long, value_name = "DIR")]

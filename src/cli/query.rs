@@ -9,12 +9,13 @@ use serde::Serialize;
 use crate::error::{Result, UsageError};
 use crate::pipeline::Stage;
 use crate::pipeline::picture::Picture;
-use crate::pipeline::query_session::{Pruned, QuerySession};
-use crate::pipeline::stages::query::session;
+use crate::pipeline::query_session::{Pruned, QuerySession, write_sheets};
+use crate::pipeline::stages::query::{direct_session, session};
 use crate::pipeline::stages::subjects::FoundSubjects;
-use crate::query::QueryError;
+use crate::query::{DirectGuess, QueryError, WholeOutcome};
 use crate::query::exchange::{BadLine, Imported};
 use crate::words::output::one_line;
+use crate::words::readable::significant;
 use crate::words::shell;
 use crate::workdir::Artifact;
 
@@ -46,6 +47,9 @@ pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
     if args.mask.is_some() {
         return Err(UsageError("--mask is for a single picture; a scene's masks are given with --masks".into()).into());
     }
+    if args.direct {
+        return directly(global, args);
+    }
     match action(args) {
         Some(action) if !args.scene.work.dry_run => {
             let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, Stage::Consensus, true)?;
@@ -57,6 +61,30 @@ pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
         }
         _ => scene::run(global, &args.scene.scene, &args.scene.work, Stage::Query),
     }
+}
+
+/// Asks how heavy the object is, or does the action on that question.
+fn directly(global: &Global, args: &QueryArgs) -> Result<()> {
+    let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, Stage::Scene, true)?;
+    pipeline.run()?;
+    let open = pipeline.opened();
+    let session = direct_session(open)?;
+    if args.scene.work.dry_run {
+        let preview = session.preview(&session.queries()?);
+        return print(global, &preview, || format!("questions: {preview}"));
+    }
+    if let Some(action) = action(args) {
+        return run(global, &session, &action, &format!("gprop query {} --direct", shell::path(&args.scene.scene)));
+    }
+    let guess = session.direct_guess(&|round| Ok(write_sheets(&open.work, round)?))?;
+    let guess = guess.ok_or_else(|| UsageError("no photo shows the object, so there is nothing to judge".to_owned()))?;
+    print(global, &guess, || match &guess.outcome {
+        WholeOutcome::Answered(DirectGuess { object, mass_kg, .. }) => {
+            let [low, mid, high] = [mass_kg.low, mass_kg.mid, mass_kg.high].map(significant);
+            format!("direct guess: {mid} kg ({low} to {high} kg): {}", one_line(object))
+        }
+        WholeOutcome::Failed(failure) => format!("direct guess: none: {failure}"),
+    })
 }
 
 fn of_picture(global: &Global, args: &QueryArgs) -> Result<()> {

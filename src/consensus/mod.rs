@@ -25,6 +25,7 @@ mod neighbors;
 mod normals;
 mod options;
 mod planes;
+pub mod sides;
 mod undersegmentation;
 
 use std::collections::{BTreeMap, BTreeSet};

@@ -21,7 +21,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("ask"), SceneKey::any("ask-v
 #[serde(default)]
 #[command(next_help_heading = "Parts")]
 pub struct Options {
-    /// Whether to ask the model about parts or about segments
+    /// Whether to ask the model about the object, its parts or segments
     #[arg(long, value_enum, default_value_t = AskAbout::default())]
     pub ask: AskAbout,
 
@@ -51,6 +51,8 @@ impl Default for Options {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AskAbout {
+    /// The object first: one question, with all of its parts numbered in one picture from several sides
+    Object,
     /// The parts of the object, found in 3D from the segments of all views, each in the views that show it best
     #[default]
     Parts,

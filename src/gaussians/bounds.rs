@@ -42,9 +42,14 @@ pub fn sides(gaussians: &Gaussians) -> [Side; 3] {
     sides_along(&Matrix3::identity(), gaussians, &opaque(gaussians))
 }
 
-/// Length of the object's longest side in scene units: of the box of least volume among those along the world's axes
-/// and along the principal axes of the centres.
+/// Length of the object's longest side in scene units, see [`least_box`].
 pub fn longest_side(gaussians: &Gaussians) -> f64 {
+    least_box(gaussians)[0]
+}
+
+/// The sides of a box around the object in scene units, the longest first: of the box of least volume among those along the
+/// world's axes and along the principal axes of the centres.
+pub fn least_box(gaussians: &Gaussians) -> [f64; 3] {
     let chosen = opaque(gaussians);
     let center = |&i: &usize| gaussians.center(i).coords;
     // A single far stray would turn the principal axes.
@@ -54,12 +59,12 @@ pub fn longest_side(gaussians: &Gaussians) -> f64 {
     let mean = core.iter().sum::<Vector3<f64>>() / core.len().max(1) as f64;
     let spread: Matrix3<f64> = core.iter().map(|center| (center - mean) * (center - mean).transpose()).sum();
     let boxes = [Matrix3::identity(), spread.symmetric_eigen().eigenvectors].map(|axes| {
-        let lengths = sides_along(&axes, gaussians, &chosen).map(|side| side.length);
+        let mut lengths = sides_along(&axes, gaussians, &chosen).map(|side| side.length);
+        lengths.sort_by(|a, b| b.total_cmp(a));
         // Below the precision of positions, a side is as good as none: the volume of a flat object would be zero or rounding
         // errors, and would not tell how well the box fits.
-        let longest = lengths.into_iter().fold(0.0, f64::max);
-        let volume: f64 = lengths.iter().map(|length| length.max(longest * f64::from(f32::EPSILON))).product();
-        (volume, longest)
+        let volume: f64 = lengths.iter().map(|length| length.max(lengths[0] * f64::from(f32::EPSILON))).product();
+        (volume, lengths)
     });
     let [along_world, principal] = boxes;
     if principal.0 < along_world.0 { principal.1 } else { along_world.1 }

@@ -6,13 +6,15 @@
 //! 3. [`grid::surface`] measures the depth of each cell, [`assign`] assigns the cell to a part;
 //! 4. [`thickness`] measures the thickness of each part;
 //! 5. [`compose`] fills the cells with material;
-//! 6. [`mass`] computes the mass of each part and its bodies.
+//! 6. [`mass`] computes the mass of each part and its bodies;
+//! 7. [`belief`] weighs shapes and materials against what else is known of the object.
 //!
 //! Of a mesh, steps 1 and 2 are not needed: it says itself what is inside, and what its parts fill, see [`parts_of_mesh`].
 //!
 //! Steps 1 to 5 are in scene units and need no metric scale except for the walls of shells.
 
 mod assign;
+mod belief;
 mod clean;
 mod compose;
 mod error;
@@ -37,6 +39,7 @@ use crate::words::output::{agreeing, counted};
 use crate::words::progress::Progress;
 use crate::words::readable::significant;
 use assign::Labelled;
+pub use belief::{ObjectBelief, Possibilities, Possible};
 pub(crate) use clean::without_floaters;
 use compose::of_mesh::OfMesh;
 use compose::thickness::{self, Chord};
@@ -49,9 +52,11 @@ pub use grid::{FILLING, Grid, Interior, OUTSIDE, VOID};
 pub use inside::carving_views;
 pub use inside::depth_view::DepthView;
 use inside::{grid_around, inside};
+use belief::Believed;
 use mass::bodies::Bodies;
 use mass::moments::Moments;
 pub use mass::unknowns::Source;
+use mass::unknowns::Unknowns;
 use mass::weights::{self, Weight, Weights};
 use mass::{Body, Weighable};
 pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
@@ -109,20 +114,34 @@ impl PartsResult {
     }
 }
 
+/// What is known of the object besides its shape.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Known<'a> {
+    pub scale: Option<&'a MetricScale>,
+    /// What it and its parts may be, if more is known than the labels of the field say. Without a scale, it is not used.
+    pub possible: Option<&'a Possibilities>,
+}
+
+impl<'a> From<Option<&'a MetricScale>> for Known<'a> {
+    fn from(scale: Option<&'a MetricScale>) -> Self {
+        Self { scale, possible: None }
+    }
+}
+
 /// Measures the parts of the object that `gaussians` represent, labelled by `field`. `cameras` are those of all views,
 /// not only of those that were segmented. `coverage` is, for each of them, the share of each pixel of its photo that the
-/// object covers (0 to 255), if known: the widths of wires are measured there. Without `scale` there are shapes but no
+/// object covers (0 to 255), if known: the widths of wires are measured there. Without a scale there are shapes but no
 /// masses, and shells count as solid, since the thickness of their walls is known in metres only.
 ///
 /// # Errors
 /// If an option is outside its domain, the cloud is empty, not finite or does not match the field, there are no cameras
 /// to carve with, nothing is inside, or no part owns any of the inside.
-pub fn parts(
+pub fn parts<'a>(
     gaussians: &Gaussians,
     field: &MaterialField,
     cameras: &[Camera],
     coverage: &[Option<GrayImage>],
-    scale: Option<&MetricScale>,
+    known: impl Into<Known<'a>>,
     options: &Options,
     progress: Progress,
 ) -> Result<PartsResult, PartsError> {
@@ -144,19 +163,19 @@ pub fn parts(
     let wires = wire::wires(&cells, &is_solid, &chords, &silhouettes, inside.uncertainty);
     let thickness = thickness::thickness(&chords, labels.len());
     let evidence = Evidence { uncertainty: inside.uncertainty, wires, mesh: None };
-    weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, scale, options)
+    weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, known.into(), options)
 }
 
 /// Measures the parts of a mesh, on whose surface the `gaussians` lie, labelled by `field`. Its volumes are its own: see
-/// [`compose`]. Without `scale` it is as for [`parts`].
+/// [`compose`]. Without a scale it is as for [`parts`].
 ///
 /// # Errors
 /// As for [`parts`].
-pub fn parts_of_mesh(
+pub fn parts_of_mesh<'a>(
     gaussians: &Gaussians,
     field: &MaterialField,
     mesh: &Measured,
-    scale: Option<&MetricScale>,
+    known: impl Into<Known<'a>>,
     options: &Options,
 ) -> Result<PartsResult, PartsError> {
     options.check()?;
@@ -179,7 +198,7 @@ pub fn parts_of_mesh(
     let thickness = of_cells.into_iter().enumerate().map(|(label, of_cells)| of_mesh.thickness(label, of_cells));
     let thickness = thickness.collect();
     let evidence = Evidence { uncertainty: 0.0, wires, mesh: Some(of_mesh) };
-    let mut result = weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, scale, options)?;
+    let mut result = weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, known.into(), options)?;
     result.warn(mesh.solid.doubts.iter().map(|doubt| format!("the mesh: {doubt}")));
     Ok(result)
 }
@@ -200,7 +219,7 @@ impl Found {
     /// How to fill the volume of each label.
     fn constructions(
         &self,
-        field: &MaterialField,
+        labels: &[FieldLabel],
         meters_per_unit: Option<f64>,
         options: &Options,
     ) -> Vec<Construction> {
@@ -209,7 +228,48 @@ impl Found {
             let answered = construction(label, meters_per_unit, options, mesh.is_some_and(OfMesh::is_sheet));
             mesh.map_or(answered, |mesh| mesh.construction(l, answered))
         };
-        field.labels.iter().enumerate().map(of_label).collect()
+        labels.iter().enumerate().map(of_label).collect()
+    }
+
+    /// The labels filled as `constructions` say.
+    fn built(&self, field: &MaterialField, labels: Vec<FieldLabel>, constructions: Vec<Construction>) -> Built {
+        let (composed, cells) = compose::compose(self.cells.clone(), &constructions, &self.chords, &self.evidence);
+        let shapes = shapes(&labels, &field.part_label, &composed, &cells, &constructions, &self.thickness);
+        Built { labels, constructions, composed, cells, shapes }
+    }
+}
+
+/// The object, filled with material.
+struct Built {
+    labels: Vec<FieldLabel>,
+    /// Per label, like `shapes`.
+    constructions: Vec<Construction>,
+    composed: Composed,
+    cells: Labelled,
+    shapes: Vec<Shape>,
+}
+
+impl Built {
+    /// The labels that Gaussians have, each with its `bodies`.
+    fn weighables<'a>(&'a self, bodies: &'a [Vec<Body>]) -> Vec<Weighable<'a>> {
+        let Self { labels, constructions, composed, shapes, .. } = self;
+        self.used()
+            .map(|l| Weighable {
+                shape: &shapes[l],
+                label: &labels[l],
+                volume: &composed.volumes[l],
+                bodies: &bodies[l],
+                is_wall: constructions[l] != Construction::Solid,
+                sleeve: only((0..shapes.len()).filter(|shell| composed.cores[*shell] == Some(l as u32)))
+                    .map(|shell| labels[shell].id),
+                hollow: composed.hollows[l].as_ref(),
+            })
+            .collect()
+    }
+
+    /// The indices of the labels that Gaussians have.
+    fn used(&self) -> impl Iterator<Item = usize> {
+        (0..self.shapes.len()).filter(|&l| self.shapes[l].gaussians > 0)
     }
 }
 
@@ -218,76 +278,96 @@ fn weigh(
     gaussians: &Gaussians,
     field: &MaterialField,
     found: Found,
-    scale: Option<&MetricScale>,
+    Known { scale, possible }: Known,
     options: &Options,
 ) -> Result<PartsResult, PartsError> {
     let of_mass = |kg| {
-        let build = |meters| found.constructions(field, Some(meters), options);
+        let build = |meters| found.constructions(&field.labels, Some(meters), options);
         scale::meters_per_unit(kg, &found.cells, &found.chords, &found.evidence, &field.labels, build)
     };
     let known_scale = scale.map(|s| s.meters_per_unit);
     let meters_per_unit = known_scale.or_else(|| options.known_mass.and_then(of_mass));
-    let constructions = found.constructions(field, meters_per_unit, options);
-    let mut warnings = unfilled(&found, field, meters_per_unit, options, &constructions);
-    let Found { kept, cells, chords, thickness, evidence } = found;
-    let (composed, cells) = compose::compose(cells, &constructions, &chords, &evidence);
-
-    let mut shapes = shapes(field, &composed, &cells, &constructions, &thickness);
-    let interior = &composed.interior;
-    let connected = Bodies::of(interior, constructions.len());
-    let mut bodies = bodies(&composed, &connected, &shapes, gaussians, &field.part_label);
     let scaled = match (scale, meters_per_unit) {
         (Some(scale), _) => weights::Scale { meters_per_unit: scale.meters_per_unit, range: scale.range },
         (None, of_mass) => weights::Scale::to_be_found(of_mass.unwrap_or(1.0)),
     };
-    let mut weights = Weights::new(&weighables(&shapes, field, &constructions, &composed, &bodies), scaled);
+    let possible = possible.filter(|possible| meters_per_unit.is_some() && possible.most_choices() > 0);
+    let believed = possible.map(|possible| believed(field, &found, possible, scaled, options));
+    let labels = possible.zip(believed.as_ref()).map(|(possible, of)| possible.labels_taken(field, &of.taken));
+    let labels = labels.unwrap_or_else(|| field.labels.clone());
+    let constructions = found.constructions(&labels, meters_per_unit, options);
+    let mut warnings = unfilled(&found, &labels, meters_per_unit, options, &constructions);
+    let mut built = found.built(field, labels, constructions);
+
+    let connected = Bodies::of(&built.composed.interior, built.constructions.len());
+    let mut bodies = bodies(&built.composed, &connected, &built.shapes, gaussians, &field.part_label);
+    let mut weights = Weights::new(&built.weighables(&bodies), scaled);
     let known_mass = meters_per_unit.and(options.known_mass).map(|kg| known_mass(&mut weights, kg, options));
-    let whole = weights.whole(&weighables(&shapes, field, &constructions, &composed, &bodies));
-    let whole = whole.ok_or_else(|| no_volume(field, &shapes))?;
-    set_distances(&mut shapes, &mut bodies, &connected, &cells, whole.center);
-    let floaters = (0..kept.len()).filter(|&i| !kept[i] && !gaussians.is_set_aside(i)).count();
+    if let Some(of) = believed.as_ref().filter(|_| known_mass.is_none()) {
+        weights.believe(of.together_kg(), of.printed_kg);
+    }
+    let whole = weights.whole(&built.weighables(&bodies));
+    let whole = whole.ok_or_else(|| no_volume(&built.labels, &built.shapes))?;
+    set_distances(&mut built.shapes, &mut bodies, &connected, &built.cells, whole.center);
+    let floaters = (0..found.kept.len()).filter(|&i| !found.kept[i] && !gaussians.is_set_aside(i)).count();
     let is_shell = |label| construction(label, Some(1.0), options, false) != Construction::Solid;
-    let lacks_walls = meters_per_unit.is_none() && field.labels.iter().any(is_shell);
-    warnings.extend(self::warnings(field, floaters, &shapes, lacks_walls));
-    let enclosed_m3 = enclosed(&cells) * meters_per_unit.unwrap_or(1.0).powi(3);
+    let lacks_walls = meters_per_unit.is_none() && built.labels.iter().any(is_shell);
+    warnings.extend(self::warnings(&built, field, floaters, lacks_walls));
+    let enclosed_m3 = enclosed(&built.cells) * meters_per_unit.unwrap_or(1.0).powi(3);
     warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
-    let notes = notes(field, floaters, &shapes, &constructions, &composed, options.min_part_share);
+    let notes = notes(&built, field, floaters, options.min_part_share);
+    let is_weighed = known_mass.is_some();
     let parts = meters_per_unit.map(|_| {
-        let weighables = weighables(&shapes, field, &constructions, &composed, &bodies);
-        let (parts, fillings) = weighed(&weights, &weighables, options);
-        Parts {
+        let (parts, fillings) = weighed(&weights, &built.weighables(&bodies), options);
+        let mut parts = Parts {
             object: mass::object(&weights, &whole),
             parts,
             fillings,
             known_mass,
+            belief: None,
             meters_per_unit: weights.uncertain_scale(),
             estimated_scale: scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|s| s.provenance.clone()),
             warnings: warnings.clone(),
             notes: notes.clone(),
+        };
+        match believed {
+            Some(of) if is_weighed => parts.belief = Some(of.object),
+            Some(of) => parts.believe(of, &built.labels),
+            None => {}
         }
+        parts
     });
-    Ok(PartsResult { interior: composed.interior, shapes, warnings, notes, parts })
+    Ok(PartsResult { interior: built.composed.interior, shapes: built.shapes, warnings, notes, parts })
 }
 
-fn weighables<'a>(
-    shapes: &'a [Shape],
-    field: &'a MaterialField,
-    constructions: &[Construction],
-    composed: &'a Composed,
-    bodies: &'a [Vec<Body>],
-) -> Vec<Weighable<'a>> {
-    let used = (0..shapes.len()).filter(|&l| shapes[l].gaussians > 0);
-    used.map(|l| Weighable {
-        shape: &shapes[l],
-        label: &field.labels[l],
-        volume: &composed.volumes[l],
-        bodies: &bodies[l],
-        is_wall: constructions[l] != Construction::Solid,
-        sleeve: only((0..shapes.len()).filter(|shell| composed.cores[*shell] == Some(l as u32)))
-            .map(|shell| field.labels[shell].id),
-        hollow: composed.hollows[l].as_ref(),
-    })
-    .collect()
+/// What is believed of an object that, with its parts, may be several things.
+fn believed(
+    field: &MaterialField,
+    found: &Found,
+    possible: &Possibilities,
+    scale: weights::Scale,
+    options: &Options,
+) -> Believed {
+    let mut unknowns = Unknowns::default();
+    let no_bodies: Vec<Vec<Body>> = field.labels.iter().map(|_| Vec::new()).collect();
+    let mut label_of = Vec::new();
+    let (mut weights, mut labels) = (Vec::new(), Vec::new());
+    for choice in 0..possible.most_choices() {
+        let chosen = possible.labels_with(field, choice);
+        let constructions = found.constructions(&chosen, Some(scale.meters_per_unit), options);
+        let built = found.built(field, chosen, constructions);
+        weights.push(weights::weights(&built.weighables(&no_bodies), scale, &mut unknowns));
+        label_of = built.used().collect();
+        labels.push(built.labels);
+    }
+    let evidence = belief::Evidence {
+        possible,
+        weights: &weights,
+        labels: &labels,
+        label_of: &label_of,
+        reading_kg: options.known_mass,
+    };
+    belief::believe(&evidence, &mut unknowns)
 }
 
 /// The solid parts with their masses, and the fillings.
@@ -392,7 +472,7 @@ fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Opti
 /// Messages about what the mesh shows otherwise than the answers say.
 fn unfilled(
     found: &Found,
-    field: &MaterialField,
+    labels: &[FieldLabel],
     meters_per_unit: Option<f64>,
     options: &Options,
     constructions: &[Construction],
@@ -419,25 +499,26 @@ fn unfilled(
             _ => None,
         }
     };
-    field.labels.iter().enumerate().filter_map(of_label).collect()
+    labels.iter().enumerate().filter_map(of_label).collect()
 }
 
 fn shapes(
-    field: &MaterialField,
+    labels: &[FieldLabel],
+    part_label: &[u32],
     composed: &Composed,
     cells: &assign::Labelled,
     constructions: &[Construction],
     thickness: &[Option<Estimate>],
 ) -> Vec<Shape> {
     let mut gaussians = vec![0; constructions.len()];
-    field.part_label.iter().for_each(|&l| gaussians[l as usize] += 1);
+    part_label.iter().for_each(|&l| gaussians[l as usize] += 1);
     let mut owns_places = vec![false; constructions.len()];
     cells.label.iter().filter(|&&l| l != NONE).for_each(|&l| owns_places[l as usize] = true);
     let shape = |l: usize| {
         let volume = Some(composed.volumes[l].interval()).filter(|volume| volume.mid > 0.0);
         let why = if owns_places[l] { NoVolume::NoMaterial } else { NoVolume::OwnsNoPlace };
         Shape {
-            id: field.labels[l].id,
+            id: labels[l].id,
             gaussians: gaussians[l],
             volume,
             no_volume: volume.is_none().then_some(why),
@@ -472,15 +553,15 @@ fn set_distances(
     }
 }
 
-fn caption<'a>(field: &'a MaterialField, shape: &Shape) -> &'a str {
-    field.labels.iter().find(|label| label.id == shape.id).map_or("", |label| &label.caption)
+fn caption<'a>(labels: &'a [FieldLabel], shape: &Shape) -> &'a str {
+    labels.iter().find(|label| label.id == shape.id).map_or("", |label| &label.caption)
 }
 
 /// The error that no part has a volume, with the reason for each.
-fn no_volume(field: &MaterialField, shapes: &[Shape]) -> PartsError {
+fn no_volume(labels: &[FieldLabel], shapes: &[Shape]) -> PartsError {
     let used: Vec<&Shape> = shapes.iter().filter(|shape| shape.gaussians > 0).collect();
     let why = used.iter().filter_map(|shape| {
-        let (name, count) = (caption(field, shape), shape.gaussians);
+        let (name, count) = (caption(labels, shape), shape.gaussians);
         shape.no_volume.map(|why| format!("{name:?} ({}) {why}", counted(count, "Gaussian")))
     });
     PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
@@ -504,7 +585,8 @@ fn are_usual(floaters: usize, field: &MaterialField) -> bool {
 
 /// Messages about what may make the masses wrong, and what to do. `lacks_walls`: some parts would be walls, but have none
 /// because the scale is unknown.
-fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], lacks_walls: bool) -> Vec<String> {
+fn warnings(built: &Built, field: &MaterialField, floaters: usize, lacks_walls: bool) -> Vec<String> {
+    let Built { labels, shapes, .. } = built;
     let mut warnings = Vec::new();
     if !are_usual(floaters, field) {
         let all = field.part_label.len();
@@ -515,7 +597,7 @@ fn warnings(field: &MaterialField, floaters: usize, shapes: &[Shape], lacks_wall
         ));
     }
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| !is_few(shape.gaussians, field)) {
-        let (name, count) = (caption(field, shape), shape.gaussians);
+        let (name, count) = (caption(labels, shape), shape.gaussians);
         warnings.push(format!(
             "part {name:?} ({}) {why}, so it has no volume and no mass; if it belongs to the object, check whether its \
              pictures in the report show it",
@@ -537,15 +619,9 @@ fn without_volume(shapes: &[Shape]) -> impl Iterator<Item = (&Shape, NoVolume)> 
 }
 
 /// Messages about assumptions, and about specks that change no mass that matters.
-fn notes(
-    field: &MaterialField,
-    floaters: usize,
-    shapes: &[Shape],
-    constructions: &[Construction],
-    composed: &Composed,
-    min_part_share: f64,
-) -> Vec<String> {
-    let caption_of = |label: u32| &field.labels[label as usize].caption;
+fn notes(built: &Built, field: &MaterialField, floaters: usize, min_part_share: f64) -> Vec<String> {
+    let Built { labels, constructions, composed, shapes, .. } = built;
+    let caption_of = |label: u32| &labels[label as usize].caption;
     let mut notes = Vec::new();
     if floaters > 0 && are_usual(floaters, field) {
         let count = field.part_label.len();
@@ -553,7 +629,7 @@ fn notes(
         notes.push(format!("{floaters} of {count} Gaussians {float} not counted in any volume"));
     }
     for (shape, why) in without_volume(shapes).filter(|(shape, _)| is_few(shape.gaussians, field)) {
-        let (name, count) = (caption(field, shape), shape.gaussians);
+        let (name, count) = (caption(labels, shape), shape.gaussians);
         notes.push(format!(
             "part {name:?} ({count} of {} Gaussians) {why}, so it has no volume and no mass",
             field.part_label.len()
@@ -562,7 +638,7 @@ fn notes(
     let volumes = || shapes.iter().filter_map(|shape| Some((shape, shape.volume?.mid)));
     let whole: f64 = volumes().map(|(_, volume)| volume).sum();
     for (shape, volume) in volumes().filter(|(_, volume)| *volume < min_part_share * whole) {
-        let (name, percent) = (caption(field, shape), 100.0 * volume / whole);
+        let (name, percent) = (caption(labels, shape), 100.0 * volume / whole);
         notes.push(format!(
             "part {name:?} is {} % of the object's volume: a small detail, or a speck left by a wrong answer",
             significant(percent)
@@ -573,7 +649,7 @@ fn notes(
     }
     let is_hollow =
         |l: usize| constructions[l] != Construction::Solid && shapes[l].volume.is_some() && composed.cores[l].is_none();
-    let unknown = field.labels.iter().enumerate().filter(|(_, label)| label.inside == Some(Contents::Unknown));
+    let unknown = labels.iter().enumerate().filter(|(_, label)| label.inside == Some(Contents::Unknown));
     for (_, label) in unknown.filter(|(l, _)| is_hollow(*l)) {
         notes.push(format!("the inside of {:?} is unknown, so the part is weighed as empty", label.caption));
     }

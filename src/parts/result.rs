@@ -5,6 +5,7 @@ use std::fmt;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
+use super::belief::{Believed, ObjectBelief};
 use super::mass::unknowns::Source;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::FieldLabel;
@@ -26,6 +27,11 @@ pub struct Parts {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     #[cfg_attr(test, schemars(with = "KnownMass"))]
     pub known_mass: Option<KnownMass>,
+    /// What the object and its parts may be and how likely that is after all evidence; missing unless the model was asked about
+    /// the object (`--ask object`).
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "ObjectBelief"))]
+    pub belief: Option<ObjectBelief>,
     /// Metres in a scene unit, if they have an interval: from a marker, a side of the object (`bbox`), an estimate or the known mass;
     /// missing if they are exact.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -51,6 +57,7 @@ impl Parts {
             parts,
             fillings: Vec::new(),
             known_mass: None,
+            belief: None,
             meters_per_unit: None,
             estimated_scale: None,
             warnings: Vec::new(),
@@ -68,9 +75,9 @@ impl Parts {
         self.bodies_by_label().find(|bodies| bodies[0].id == id).map(combined)
     }
 
-    /// Whether a weighing has changed what is believed about them.
+    /// Whether a weighing, or what else is known of the object, has changed what is believed about them.
     pub fn are_weighed(&self) -> bool {
-        self.known_mass.as_ref().is_some_and(|known| known.is_possible)
+        self.belief.is_some() || self.known_mass.as_ref().is_some_and(|known| known.is_possible)
     }
 
     /// Gives each label the density that is believed of its part.
@@ -80,6 +87,29 @@ impl Parts {
                 label.density_kg_m3 = part.density_kg_m3;
             }
         }
+    }
+
+    /// Takes over what is believed of the object: its mass, and the intervals of its parts and fillings, whose middles add up to it
+    /// with what no part shows. `labels` are those by whose index `believed` has its masses.
+    pub(super) fn believe(&mut self, believed: Believed, labels: &[FieldLabel]) {
+        self.object.mass_kg = believed.mass_kg;
+        let masses_of = |id: u32| labels.iter().position(|label| label.id == id).map(|label| &believed.masses[label]);
+        let wider = |mass: Estimate, of: Estimate, share: f64| {
+            Estimate::new(mass.mid.min(of.low * share), mass.mid, mass.mid.max(of.high * share))
+        };
+        for bodies in self.parts.chunk_by_mut(|one, next| one.id == next.id) {
+            let Some([Some(of), _]) = masses_of(bodies[0].id) else { continue };
+            let all: f64 = bodies.iter().filter_map(|body| body.mass_kg).map(|mass| mass.mid).sum();
+            for mass in bodies.iter_mut().filter_map(|body| body.mass_kg.as_mut()) {
+                *mass = wider(*mass, *of, mass.mid / all);
+            }
+        }
+        for filling in &mut self.fillings {
+            if let Some([_, Some(of)]) = masses_of(filling.inside_of) {
+                filling.mass_kg = wider(filling.mass_kg, *of, 1.0);
+            }
+        }
+        self.belief = Some(believed.object);
     }
 
     fn bodies_by_label(&self) -> impl Iterator<Item = &[Part]> {

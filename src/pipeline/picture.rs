@@ -19,7 +19,7 @@ use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
 use super::hasher::{Hasher, file_digest};
 use super::options::Options;
-use super::query_session::{QuerySession, QueryView, Subjects, check_recordings, write_sheets};
+use super::query_session::{QuerySession, QueryView, Subjects, WholeViews, check_recordings, write_sheets};
 use super::segment_files::{
     SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, remove_other_formats, shows_only,
     stored_segments, write_other_formats,
@@ -117,13 +117,13 @@ impl Picture {
         let home = self.work.root();
         let (query, network) = (&self.options.query, self.options.setup.network());
         check_recordings(query, home, &self.work, self.options.scene.read_scope(home))?;
-        let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: AskAbout::Segments, size_in: None };
+        let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: AskAbout::Segments, whole: WholeViews::default() };
         QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
     }
 
     /// Answers the queries and draws the material map.
     pub fn run(&self) -> Result<Answers> {
-        let (answers, _) = self.query_session()?.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?;
+        let answers = self.query_session()?.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?.answers;
         self.work.write(Artifact::Answers, answers.to_jsonl().as_bytes())?;
         answers.require_any()?;
         let map = material_map::draw(&self.photo, &self.segments.map, &answers);

@@ -16,12 +16,13 @@ use crate::query::ask::asker::Asker;
 use crate::query::ask::budget::Budget;
 use crate::query::ask::cost::{Price, PriceTable, UsdPerMtok};
 use crate::query::ask::rounds::{Outcomes, Subject, SubjectInView};
+use crate::query::ask::{direct, recognition, size};
 use crate::query::client::{self, ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Imported};
 use crate::query::recorded::{Answerer, Recordings};
 use crate::query::{
-    Answers, Options, Outcome, Preview, Prompts, Queries, ShownSubject, SizeAnswer, SizeQuestion, SubjectAnswer,
-    SubjectId, ViewSubjects,
+    Answers, AnyWholeQuestion, DirectGuess, Options, Outcome, Piece, Preview, Prompts, Purpose, Queries, Recognition, ShownSubject,
+    Side, Size, SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeQuestion,
 };
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
@@ -43,8 +44,7 @@ pub struct QuerySession<'a> {
     /// Number of views in which each subject is asked about first.
     ask_views: usize,
     about: AskAbout,
-    /// The question about the size of the object, if it is to be asked.
-    size: Option<SizeQuestion>,
+    whole: AboutWhole,
     prompts: Prompts,
     /// The materials to choose from.
     pub(super) library: Cow<'a, MaterialLibrary>,
@@ -64,8 +64,36 @@ pub struct Subjects<'a> {
     /// Number of views in which each subject is asked about first.
     pub ask_views: usize,
     pub about: AskAbout,
-    /// The index of the view in which the size of the object is asked for; `None` if it is not asked for.
-    pub size_in: Option<usize>,
+    pub whole: WholeViews,
+}
+
+/// The views, by index, in which questions about the whole object are asked; none where a question is not to be asked.
+#[derive(Default)]
+pub struct WholeViews {
+    /// How long it is.
+    pub size: Option<usize>,
+    /// What it is: the regions to number are those of the last label map of each view.
+    pub recognition: Vec<usize>,
+    /// How heavy it is.
+    pub direct: Vec<usize>,
+    /// The outer size of the object in words, if it is known.
+    pub outer_size: Option<String>,
+}
+
+/// The questions about the whole object that are to be asked.
+struct AboutWhole {
+    size: Option<WholeQuestion<Size>>,
+    recognition: Option<WholeQuestion<Recognition>>,
+    direct: Option<WholeQuestion<DirectGuess>>,
+}
+
+/// Everything that was answered.
+pub struct Answered<T> {
+    pub answers: Answers,
+    /// What follows from the size of the object, if that was to be asked.
+    pub size: Option<T>,
+    /// What the object is, if that was to be asked.
+    pub recognition: Option<WholeAnswer<Recognition>>,
 }
 
 /// A view of a session.
@@ -88,7 +116,7 @@ impl<'a> QuerySession<'a> {
     /// A session about the subjects, with recordings in `home` and in the folder that the options name.
     pub fn new(
         options: &'a Options,
-        Subjects { views, subjects, ask_views, about, size_in }: Subjects<'a>,
+        Subjects { views, subjects, ask_views, about, whole }: Subjects<'a>,
         library: &'a MaterialLibrary,
         home: &Path,
         work: &'a WorkDir,
@@ -104,16 +132,17 @@ impl<'a> QuerySession<'a> {
         workdir::refuse_link(&spare, "--out")?;
         let read_from: Vec<&Path> = read_from.iter().map(PathBuf::as_path).collect();
         let prompts = prompts(options)?;
-        let size = size_in.map(|index| SizeQuestion::new(views[index].name, &views[index].photo, &prompts, options));
+        let library = candidates(options, library)?;
+        let whole = AboutWhole::new(&whole, &views, &prompts, &library, options)?;
         Ok(Self {
             options,
-            size: size.transpose()?,
+            whole,
             views,
             subjects,
             ask_views,
             about,
             prompts,
-            library: candidates(options, library)?,
+            library,
             price: price(options)?,
             own_recordings: home.join(RECORDINGS),
             recordings: Recordings::open(&read_from, write_to)?.with_spare(&spare)?,
@@ -137,9 +166,10 @@ impl<'a> QuerySession<'a> {
     /// As [`Self::queries`], if `answerer` is the one that would be asked.
     fn queries_for(&self, answerer: Option<&Answerer>) -> Result<Queries<'_>> {
         let mut answers = BTreeMap::new();
-        let mut queries = self.about_size()?;
+        let mut queries = self.about_whole()?;
         loop {
-            let due = self.due(&answers);
+            // The object comes first: its answer says what is left to ask.
+            let due = if self.whole.recognition.is_some() { Vec::new() } else { self.due(&answers) };
             let round = self.prepare(&due)?;
             let recorded = round.recorded(&self.recordings, answerer);
             let is_open = due.is_empty() || recorded.iter().any(Option::is_none);
@@ -182,9 +212,9 @@ impl<'a> QuerySession<'a> {
         Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options, self.about)?)
     }
 
-    /// The question about the size of the object, if it is to be asked, and no other.
-    fn about_size(&self) -> Result<Queries<'_>> {
-        Ok(Queries { size: self.size.as_ref(), ..self.prepare(&[])? })
+    /// The questions about the whole object, and no others.
+    fn about_whole(&self) -> Result<Queries<'_>> {
+        Ok(Queries { whole: self.whole.all().collect(), ..self.prepare(&[])? })
     }
 
     fn place(&self, view: &str, id: u16) -> SubjectInView {
@@ -196,32 +226,60 @@ impl<'a> QuerySession<'a> {
     pub fn preview(&self, queries: &Queries) -> Preview {
         let preview = queries.preview(&self.recordings, self.client.as_ref().map(Asker::answerer), self.price());
         let at_most: usize = self.subjects.iter().map(|subject| subject.all().len()).sum();
-        Preview { at_most: at_most + usize::from(self.size.is_some()), ..preview }
+        let at_most = if self.whole.recognition.is_some() { 0 } else { at_most };
+        Preview { at_most: at_most + self.whole.all().count(), ..preview }
     }
 
     /// Asks everything that has to be asked, round by round; `begin` gets the questions of each round before they are
     /// asked. Each answer is recorded as it arrives. Reports the cost before and after.
-    pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<(Answers, Option<SizeAnswer>)> {
+    pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<Answered<WholeAnswer<Size>>> {
         self.answer_with_size(begin, Ok)
     }
 
     /// As [`Self::answer_all`]. If the size of the object is to be asked, that question comes first, and `of_size` converts
-    /// its answer; if it fails, the run ends before it costs more.
+    /// its answer; if it fails, the run ends before it costs more. If it is to be asked what the object is, that question
+    /// follows, and parts are asked about only if it has no answer.
     pub fn answer_with_size<T>(
         &self,
         begin: &dyn Fn(&Queries) -> Result<()>,
-        of_size: impl FnOnce(SizeAnswer) -> Result<T>,
-    ) -> Result<(Answers, Option<T>)> {
+        of_size: impl FnOnce(WholeAnswer<Size>) -> Result<T>,
+    ) -> Result<Answered<T>> {
         let asker = self.client.as_ref().map(|client| client as &dyn Asker);
         let budget = Budget::new(self.price.clone(), self.options.max_usd);
-        let object = self.about_size()?;
+        let object = self.about_whole()?;
         begin(&object)?;
-        let size = object.size(&self.recordings, asker, &budget, self.progress)?;
-        let size = size.map(of_size).transpose().inspect_err(|_| {
+        let size = self.whole.size.as_ref();
+        let size = size.map(|size| object.ask_whole(size, &self.recordings, asker, &budget, self.progress));
+        let size = size.transpose()?.map(of_size).transpose().inspect_err(|_| {
             if budget.spent().requests > 0 {
                 progress::notice(&format!("asked: {}", budget.spent()));
             }
         })?;
+        let recognition = self.whole.recognition.as_ref();
+        let recognition =
+            recognition.map(|what| object.ask_whole(what, &self.recordings, asker, &budget, self.progress));
+        let recognition = recognition.transpose()?;
+        let recognized = recognition.as_ref().and_then(|answer| answer.outcome.answered());
+        let answers = match recognized {
+            Some(recognized) => self.of_pieces(recognized),
+            None => self.of_subjects(begin, asker, &budget)?,
+        };
+        let spent = budget.spent();
+        if spent.requests > 0 {
+            let (failed, all) = (answers.failed().count(), answers.all.len());
+            let about = if recognized.is_some() { String::new() } else { format!("; {failed} of {all} questions failed") };
+            progress::notice(&format!("asked: {spent}{about}"));
+        }
+        Ok(Answered { answers, size, recognition })
+    }
+
+    /// The answers about the subjects, round by round.
+    fn of_subjects(
+        &self,
+        begin: &dyn Fn(&Queries) -> Result<()>,
+        asker: Option<&dyn Asker>,
+        budget: &Budget,
+    ) -> Result<Answers> {
         let mut answers = BTreeMap::new();
         loop {
             let due = self.due(&answers);
@@ -230,7 +288,7 @@ impl<'a> QuerySession<'a> {
             }
             let round = self.prepare(&due)?;
             begin(&round)?;
-            let run = round.run(&self.recordings, asker, &budget, self.progress)?;
+            let run = round.run(&self.recordings, asker, budget, self.progress)?;
             let is_fruitless = run.answers.failed().count() == run.answers.all.len();
             answers.extend(due.into_iter().zip(run.answers.all.into_iter().map(|answer| answer.outcome)));
             // Answers may call for more questions. Failures do not: the next ones would fail as well.
@@ -243,13 +301,47 @@ impl<'a> QuerySession<'a> {
             subject: SubjectId::of(self.about, id),
             outcome,
         });
-        let answers = Answers::new(all.collect());
-        let spent = budget.spent();
-        if spent.requests > 0 {
-            let (failed, all) = (answers.failed().count(), answers.all.len());
-            progress::notice(&format!("asked: {spent}; {failed} of {all} questions failed"));
+        Ok(Answers::new(all.collect()))
+    }
+
+    /// The most probable choice for each piece of the object, as an answer about its first region in the view that shows it
+    /// best.
+    fn of_pieces(&self, recognized: &Recognition) -> Answers {
+        let mut answers: Vec<(SubjectInView, Outcome)> = Vec::new();
+        for piece in &recognized.pieces {
+            let Some(place) = self.best_place(piece) else { continue };
+            let choice = &piece.choices[piece.most_probable(&recognized.hypotheses)];
+            answers.push((place, Outcome::Answered(choice.answer.clone())));
         }
-        Ok((answers, size))
+        answers.sort_by_key(|(place, _)| *place);
+        let answer = |(SubjectInView { view, id }, outcome)| SubjectAnswer {
+            view: self.views[view].name.to_owned(),
+            subject: SubjectId::of(self.about, id),
+            outcome,
+        };
+        Answers::new(answers.into_iter().map(answer).collect())
+    }
+
+    /// The first region of a piece in the view that shows it best; `None` if no view shows it.
+    fn best_place(&self, piece: &Piece) -> Option<SubjectInView> {
+        let id = *piece.numbers.first()?;
+        let regions = self.subjects.iter().flat_map(|subject| std::iter::once(subject).chain(&subject.pieces));
+        let view = *regions.filter(|region| region.id == id).find_map(|region| region.views.first())?;
+        Some(SubjectInView { view, id })
+    }
+
+    /// How heavy the object is, as a model judges it from the photos alone; `None` if that is not to be asked.
+    pub fn direct_guess(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<Option<WholeAnswer<DirectGuess>>> {
+        let Some(question) = &self.whole.direct else { return Ok(None) };
+        let asker = self.client.as_ref().map(|client| client as &dyn Asker);
+        let budget = Budget::new(self.price.clone(), self.options.max_usd);
+        let object = self.about_whole()?;
+        begin(&object)?;
+        let guess = object.ask_whole(question, &self.recordings, asker, &budget, self.progress)?;
+        if budget.spent().requests > 0 {
+            progress::notice(&format!("asked: {}", budget.spent()));
+        }
+        Ok(Some(guess))
     }
 
     /// Writes the questions that have no recorded answer, with everything needed to answer them, into a new folder;
@@ -284,7 +376,7 @@ impl<'a> QuerySession<'a> {
         let own = Recordings::open(&[], &self.own_recordings)?;
         let mut all: Vec<SubjectInView> = self.subjects.iter().flat_map(Subject::all).collect();
         all.sort_unstable();
-        let used = Queries { size: self.size.as_ref(), ..self.prepare(&all)? }.used(&own);
+        let used = Queries { whole: self.whole.all().collect(), ..self.prepare(&all)? }.used(&own);
         let (kept, useless): (Vec<_>, Vec<_>) = own.keys().into_iter().partition(|key| used.contains(key));
         for key in &useless {
             own.remove(key)?;
@@ -297,14 +389,62 @@ impl<'a> QuerySession<'a> {
     }
 }
 
+impl AboutWhole {
+    fn new(
+        asked: &WholeViews,
+        views: &[QueryView],
+        prompts: &Prompts,
+        library: &MaterialLibrary,
+        options: &Options,
+    ) -> Result<Self> {
+        let side = |view: &usize| -> Side<'_> {
+            let QueryView { name, photo, maps } = &views[*view];
+            Side { view: name, photo, map: maps.last().map(AsRef::as_ref) }
+        };
+        let size = asked.size.map(|view| size::question(views[view].name, &views[view].photo, prompts, options));
+        let outer_size = asked.outer_size.as_deref();
+        let sides: Vec<Side> = asked.recognition.iter().map(side).collect();
+        let recognition = (!sides.is_empty()).then(|| {
+            let mut numbers: Vec<u16> = sides.iter().filter_map(|side| side.map).flat_map(LabelMap::ids).collect();
+            numbers.sort_unstable();
+            numbers.dedup();
+            recognition::question(&sides, numbers, outer_size, prompts, library.clone(), options)
+        });
+        let sides: Vec<Side> = asked.direct.iter().map(side).collect();
+        let direct = (!sides.is_empty()).then(|| direct::question(&sides, outer_size, prompts, options));
+        Ok(Self {
+            size: size.transpose()?,
+            recognition: recognition.transpose()?,
+            direct: direct.transpose()?,
+        })
+    }
+
+    fn all(&self) -> impl Iterator<Item = &dyn AnyWholeQuestion> {
+        let size = self.size.iter().map(|question| question as &dyn AnyWholeQuestion);
+        let recognition = self.recognition.iter().map(|question| question as &dyn AnyWholeQuestion);
+        let direct = self.direct.iter().map(|question| question as &dyn AnyWholeQuestion);
+        size.chain(recognition).chain(direct)
+    }
+}
+
 /// Writes the sheet of every question.
 pub fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), WorkDirError> {
-    let object = queries.size.map(|size| &size.shown);
-    queries
-        .subjects
-        .iter()
-        .chain(object)
-        .try_for_each(|subject| work.write(Artifact::Sheet(&subject.view, subject.id), &subject.jpeg))
+    for subject in &queries.subjects {
+        work.write(Artifact::Sheet(&subject.view, subject.id), &subject.jpeg)?;
+    }
+    for whole in &queries.whole {
+        work.write(whole_sheet(whole.purpose(), &whole.shown().view), &whole.shown().jpeg)?;
+    }
+    Ok(())
+}
+
+/// The file with the sheet of a question about the whole object, which shows it first in `view`.
+pub fn whole_sheet(purpose: Purpose, view: &str) -> Artifact<'_> {
+    match purpose {
+        Purpose::Size => Artifact::Sheet(view, WHOLE),
+        Purpose::Recognition => Artifact::ObjectSheet,
+        Purpose::DirectGuess => Artifact::DirectSheet,
+    }
 }
 
 /// Refuses recordings beside the scene or picture in `home`, or in the work folder, that lead outside `scope`. A folder

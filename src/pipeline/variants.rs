@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use crate::consensus::AskAbout;
 use crate::error::Result;
 use crate::query::{AnswerSource, Answers, Context, Options};
 use crate::vote::{MaterialField, VoteError};
@@ -26,7 +27,7 @@ pub struct Variants {
 /// The fields under the ablations; the scene must be voted on. Uses recordings only.
 pub fn variants(open: &OpenScene) -> Result<Variants> {
     let (about, answers) = (FoundSubjects::of(open)?, open.get::<Answers>()?);
-    let maps = about.settled_maps(open, &answers);
+    let maps = about.settled_maps(open, &answers)?;
     let voters = voters(&open.views, &maps);
     let mut single_views = Vec::new();
     for view in &voters {
@@ -42,12 +43,16 @@ pub fn variants(open: &OpenScene) -> Result<Variants> {
 }
 
 fn local_answers(open: &OpenScene, about: &FoundSubjects) -> Result<Option<Answers>> {
+    // The question about the whole object shows no part alone.
+    if open.options.consensus.ask == AskAbout::Object {
+        return Ok(None);
+    }
     let recorded = Options { answers: AnswerSource::Replay, lmm_url: None, ..open.options.query.clone() };
     let options = Options { context: Context::Local, ..recorded };
     let session = session(open, about, &options)?;
     let queries = session.queries()?;
     match queries.unanswered(&session.recordings, None).len() {
-        0 => Ok(Some(session.answer_all(&|_| Ok(()))?.0)),
+        0 => Ok(Some(session.answer_all(&|_| Ok(()))?.answers)),
         unanswered => {
             let (name, all) = (&open.scene.name, queries.subjects.len());
             let line = format!("{name}: {unanswered} of {all} questions have no answer recorded for the part alone");

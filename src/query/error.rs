@@ -9,6 +9,7 @@ use super::{Answers, Failure, Outcome};
 use crate::config::option_values::OptionError;
 use crate::query::ask::asker::AskError;
 use crate::query::ask::budget::Spent;
+use crate::query::ask::whole::Purpose;
 use crate::query::question::prompt::PromptError;
 use crate::words::output;
 use crate::words::progress::Cancelled;
@@ -34,12 +35,8 @@ pub enum QueryError {
         .missing.len(), output::counted(*.questions, "question"), listed(.missing)
     )]
     Missing { questions: usize, missing: Vec<MissingAnswer> },
-    #[error(
-        "no usable recorded answer for the length of the object ({miss}), which --scale estimate asks for in view {view}\nAsk a model: \
-         --lmm-url URL --lmm-model NAME with the key in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE \
-         --scale estimate --export DIR, then gprop query SCENE --scale estimate --import DIR; or give another --scale"
-    )]
-    MissingSize { view: String, miss: Miss },
+    #[error("no usable recorded answer for {}", missing_whole(*.purpose, .view, *.miss))]
+    MissingWhole { purpose: Purpose, view: String, miss: Miss },
     #[error(
         "--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE, or --price 0 if nothing is charged"
     )]
@@ -201,6 +198,20 @@ impl Answers {
         failures.sort_by_key(|(_, questions)| std::cmp::Reverse(*questions));
         Err(QueryError::AllFailed { questions: self.all.len(), failures })
     }
+}
+
+/// What a question about the whole object is about, and what to do if its answer is missing.
+fn missing_whole(purpose: Purpose, view: &str, miss: Miss) -> String {
+    let (what, option, or_else) = match purpose {
+        Purpose::Size => ("the length of the object", "--scale estimate", "; or give another --scale"),
+        Purpose::Recognition => ("what the object is", "--ask object", "; or ask about its parts alone: --ask parts"),
+        Purpose::DirectGuess => ("how heavy the object is", "--direct", ""),
+    };
+    format!(
+        "{what} ({miss}), which {option} asks for in view {view}\nAsk a model: --lmm-url URL --lmm-model NAME with the key in \
+         OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE {option} --export DIR, then gprop query SCENE {option} \
+         --import DIR{or_else}"
+    )
 }
 
 /// Number of failures in the message; the error value holds all of them.

@@ -20,7 +20,11 @@ pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};
 pub use ask::queries::{Queries, ViewSubjects};
 pub use ask::run::{Preview, Run};
-pub use ask::size::{Size, SizeAnswer, SizeOutcome, SizeQuestion};
+pub use answer::recognition::{Choice, Hypothesis, Piece, Printed, Recognition, Unnumbered};
+pub use ask::direct::DirectGuess;
+pub use ask::recognition::Side;
+pub use ask::size::Size;
+pub use ask::whole::{AnyWholeQuestion, Purpose, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion};
 pub use error::{InVain, MissingAnswer, QueryError};
 pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
 pub use question::prompt::{PromptError, Prompts};
@@ -47,7 +51,7 @@ impl SubjectId {
     /// The subject with this id if the questions are about parts or about segments.
     pub fn of(about: AskAbout, id: u16) -> Self {
         match about {
-            AskAbout::Parts => Self::Part(id),
+            AskAbout::Object | AskAbout::Parts => Self::Part(id),
             AskAbout::Segments => Self::Segment(id),
         }
     }
@@ -167,6 +171,9 @@ pub enum Inside {
         filling: String,
         /// Its share of the hollow, with the gaps between its pieces, 0 to 1.
         share: Range,
+        /// Its density with those gaps, if the answer says it; else that of the row.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        density_kg_m3: Option<Range>,
     },
     /// The model cannot tell, or was not asked.
     Unknown,

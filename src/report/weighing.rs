@@ -1,7 +1,7 @@
 //! Sentences about the object's mass: what it consists of besides the parts, where the width of its interval comes
 //! from, and what would narrow it.
 
-use crate::parts::{Parts, Source, Width};
+use crate::parts::{ObjectBelief, Parts, Source, Width};
 use crate::units::Estimate;
 use crate::words::part_name::part_name;
 use crate::words::readable::{Figures, interval, mass, significant};
@@ -31,7 +31,30 @@ pub fn sentences(parts: &Parts) -> Vec<String> {
     let fillings = parts.fillings.iter().map(filling);
     let estimated = parts.estimated_scale.as_ref();
     let estimated = estimated.map(|source| format!("All lengths and masses follow from a scale that is {source}."));
-    estimated.into_iter().chain(weighed).chain(fillings).chain(causes(parts)).chain(remedy(parts)).collect()
+    let believed = parts.belief.iter().flat_map(beliefs);
+    estimated.into_iter().chain(weighed).chain(believed).chain(fillings).chain(causes(parts)).chain(remedy(parts)).collect()
+}
+
+/// A hypothesis, or a thing that no part shows, is not worth a sentence under this probability.
+const WORTH_A_DOUBT: f64 = 0.05;
+
+/// What the object is taken for and how heavy it would be, what is printed on it, and what no part shows.
+fn beliefs(belief: &ObjectBelief) -> Vec<String> {
+    let mut likely: Vec<_> = belief.hypotheses.iter().filter(|of| of.probability >= WORTH_A_DOUBT).collect();
+    likely.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    let taken = likely.iter().filter_map(|of| {
+        let (what, percent) = (&of.what, (100.0 * of.probability).round());
+        Some(format!("{what} ({percent} %: {} kg)", interval(of.mass_kg?, 1.0)))
+    });
+    let taken: Vec<String> = taken.collect();
+    let printed = belief.printed.iter().map(|text| format!("Printed on it: {text:?}, which gives the weight of its contents."));
+    let unshown = belief.unnumbered.iter().filter(|of| of.probability >= WORTH_A_DOUBT).map(|of| {
+        let percent = (100.0 * of.probability).round();
+        format!("No part shows: {} ({percent} %), {} kg.", of.what, interval(of.mass_kg.into(), 1.0))
+    });
+    let taken = (!taken.is_empty()).then(|| format!("The object is taken for {}.", taken.join(", or ")));
+    let shape = format!("Shape and materials alone would give {} kg.", interval(belief.shape_kg, 1.0));
+    taken.into_iter().chain([shape]).chain(printed).chain(unshown).collect()
 }
 
 /// The causes of the width of the object's mass, the widest first.
@@ -56,6 +79,7 @@ fn cause(source: Source) -> &'static str {
         Source::Density => "the density of the materials",
         Source::Filling => "the contents",
         Source::Scale => "the length of a scene unit",
+        Source::Unnumbered => "things that no photo shows",
     }
 }
 
@@ -79,6 +103,7 @@ fn remedy(parts: &Parts) -> Option<String> {
         Source::Density => "Weighing the object (--known-mass), or more certain answers about the material,",
         Source::Filling => "Weighing the object (--known-mass), or a look inside,",
         Source::Scale => "Measuring a length (--scale)",
+        Source::Unnumbered => "Weighing the object (--known-mass)",
     };
     Some(format!("{what} would narrow the mass ({} kg) to about {} kg.", interval(mass, 1.0), interval(narrowed, 1.0)))
 }

@@ -38,6 +38,12 @@ impl LabelMap {
         self.labels[y as usize * self.width as usize + x as usize]
     }
 
+    /// The ids that it shows, in order.
+    pub fn ids(&self) -> Vec<u16> {
+        let ids: BTreeSet<u16> = self.labels.iter().copied().filter(|id| *id != 0).collect();
+        ids.into_iter().collect()
+    }
+
     /// Makes a map from segment ids, which are renumbered from 1 in ascending order; negative ids are background.
     pub fn of_ids(width: u32, height: u32, ids: &[i64]) -> Result<Self, LabelMapError> {
         let distinct: BTreeSet<i64> = ids.iter().copied().filter(|&id| id >= 0).collect();

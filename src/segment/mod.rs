@@ -45,7 +45,7 @@ pub use segmenter::Segmenter;
 pub use views::segment_views;
 
 /// The segment of every pixel of one view: 0 background, segments from 1.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct LabelMap {
     pub width: u32,
     pub height: u32,

@@ -4,6 +4,7 @@ use super::estimate::middle_and_hull;
 use super::{Contents, Filled};
 use crate::materials::MaterialLibrary;
 use crate::materials::fillings::Filling;
+use crate::numeric::median;
 use crate::query::{Answer, Form, Inside};
 use crate::units::{Estimate, Range};
 
@@ -20,25 +21,40 @@ pub(super) fn contents(form: Form, answers: &[&Answer], library: &MaterialLibrar
         return Some(Contents::Empty);
     }
     let named = |inside: &&Inside| match inside {
-        Inside::Filled { filling, share } => Some((library.filling(filling)?, *share)),
+        Inside::Filled { filling, share, density_kg_m3 } => {
+            let filling = library.filling(filling)?;
+            Some((filling, *share, density(filling, *density_kg_m3)))
+        }
         Inside::Empty | Inside::Unknown => None,
     };
-    let fillings: Vec<(&Filling, Range)> = said.iter().filter_map(named).collect();
+    let fillings: Vec<(&Filling, Range, Estimate)> = said.iter().filter_map(named).collect();
     if !is_most(fillings.len()) {
         return Some(Contents::Unknown);
     }
-    let naming = |name: &str| fillings.iter().filter(|(filling, _)| filling.name == name).count();
-    let most = fillings.iter().map(|(filling, _)| *filling);
+    let naming = |name: &str| fillings.iter().filter(|(filling, ..)| filling.name == name).count();
+    let most = fillings.iter().map(|(filling, ..)| *filling);
     let most = most.reduce(|best, next| if naming(&next.name) > naming(&best.name) { next } else { best })?;
-    let estimate = |property: fn(&Filling) -> Range| -> Estimate {
-        middle_and_hull(fillings.iter().map(|(filling, _)| property(filling)))
-    };
     Some(Contents::Filled(Filled {
         filling: most.name.clone(),
-        share: middle_and_hull(fillings.iter().map(|(_, share)| *share)),
-        density_kg_m3: estimate(|filling| filling.density_kg_m3),
+        share: middle_and_hull(fillings.iter().map(|(_, share, _)| *share)),
+        density_kg_m3: combined(fillings.iter().map(|(.., density)| *density)),
         youngs_modulus_pa: Estimate::from(most.youngs_modulus_pa),
         poisson_ratio: Estimate::from(most.poisson_ratio),
         law: most.law,
     }))
+}
+
+/// The density of a filling: that of its row; or, if the answer says how dense this product is, the middle of what it says,
+/// within the hull of both.
+fn density(filling: &Filling, said: Option<Range>) -> Estimate {
+    let row = Estimate::from(filling.density_kg_m3);
+    said.map_or(row, |said| Estimate::new(said.low.min(row.low), said.mid(), said.high.max(row.high)))
+}
+
+/// The median of the middles, and the hull.
+fn combined(densities: impl Iterator<Item = Estimate> + Clone) -> Estimate {
+    let is_named = "more than half of the answers name a filling";
+    let hull = densities.clone().map(|density| Range::new(density.low, density.high)).reduce(Range::hull);
+    let Range { low, high } = hull.expect(is_named);
+    Estimate::new(low, median(densities.map(|density| density.mid).collect()).expect(is_named), high)
 }

@@ -20,26 +20,31 @@ pub(super) fn label(
 ) -> FieldLabel {
     let of_part = identity.answers_of_part[choice.part as usize].iter().map(|(answer, _)| *answer);
     let answers: Vec<&Answer> = of_part.filter(|answer| answer.material == material).collect();
+    agreed(id, &answers, library)
+}
+
+/// The label with this `id` that `answers` for one material give together.
+pub(super) fn agreed(id: u32, answers: &[&Answer], library: &MaterialLibrary) -> FieldLabel {
     let first = answers[0];
-    let form = form(&answers);
+    let form = form(answers);
     let is_mixed = |answer: &Answer| answer.form == Form::Mixed;
     let same_density = answers.iter().filter(|answer| is_mixed(answer) == (form == Form::Mixed));
     let estimate = |property: fn(&Answer) -> Range| middle_and_hull(answers.iter().map(|answer| property(answer)));
     FieldLabel {
         id,
         caption: first.caption.clone(),
-        material: material.to_owned(),
+        material: first.material.clone(),
         family: first.family.clone(),
         density_kg_m3: middle_and_hull(same_density.map(|answer| answer.density_kg_m3)),
         youngs_modulus_pa: estimate(|answer| answer.youngs_modulus_pa),
         poisson_ratio: estimate(|answer| answer.poisson_ratio),
         yield_strength_pa: estimate(|answer| answer.yield_strength_pa),
-        hardness: hardness(&answers),
+        hardness: hardness(answers),
         friction_rubber: estimate(|answer| answer.friction_rubber),
-        inside: contents(form, &answers, library),
+        inside: contents(form, answers, library),
         bulk_reason: answers.iter().filter(|_| form == Form::Mixed).find_map(|answer| answer.bulk_reason.clone()),
         form,
-        law: library.get(material).expect("answers were checked against the library").law,
+        law: library.get(&first.material).expect("answers were checked against the library").law,
     }
 }
 

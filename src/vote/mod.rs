@@ -160,6 +160,14 @@ pub struct FieldLabel {
 }
 
 impl FieldLabel {
+    /// The part with this id, if this answer about it holds.
+    ///
+    /// # Panics
+    /// If the library does not have its material, which answers are checked for.
+    pub fn answered(id: u32, answer: &Answer, library: &MaterialLibrary) -> Self {
+        labels::agreed(id, &[answer], library)
+    }
+
     /// A solid part that consists of this material alone, and is called as it is.
     pub fn of(id: u32, material: &Material) -> Self {
         Self {

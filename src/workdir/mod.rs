@@ -64,6 +64,12 @@ pub enum Artifact<'a> {
     Answers,
     /// The length of the object as a model judged it, with `--scale estimate`.
     Size,
+    /// What a model takes the object and its parts for, with `--ask object`.
+    Object,
+    /// The picture sent with that question.
+    ObjectSheet,
+    /// The picture sent with the question for the mass alone.
+    DirectSheet,
     /// Questions sent through the Batch API whose answers have not been collected.
     BatchApiJobs,
     /// One picture's materials with their legend.
@@ -126,6 +132,9 @@ impl Artifact<'_> {
             Self::Sheet(view, segment) => Path::new("sheets").join(format!("{view}_{segment}.jpg")),
             Self::Answers => "answers.jsonl".into(),
             Self::Size => "size.json".into(),
+            Self::Object => "object.json".into(),
+            Self::ObjectSheet => "sheets/object.jpg".into(),
+            Self::DirectSheet => "sheets/direct.jpg".into(),
             Self::BatchApiJobs => "batch_api.json".into(),
             Self::MaterialMap => "material_map.png".into(),
             Self::Field => "field.ply".into(),

@@ -353,13 +353,13 @@ fn what_is_inside_a_shell_is_read_and_checked() {
     assert_eq!(inside(shell(json!("empty"), json!("water"), json!([1, 1]))).unwrap(), Some(Inside::Empty));
     let soup = inside(shell(json!("filled"), json!("Soup; thick or condensed"), json!([0.98, 0.9]))).unwrap();
     let filling = "soup, thick or condensed".to_owned();
-    assert_eq!(soup, Some(Inside::Filled { filling, share: Range::new(0.9, 0.98) }));
+    assert_eq!(soup, Some(Inside::Filled { filling, share: Range::new(0.9, 0.98), density_kg_m3: None }));
     let percent = read(&shell(json!("filled"), json!("water"), json!([90, 95]))).unwrap_err().reason;
     assert_eq!(percent, "fill_share: [90, 95] is not possible; give a share of the hollow, from 0.01 to 1.");
     assert!(read(&shell(json!("filled"), json!("water"), json!([1, 95]))).is_err(), "it would be exactly full");
     assert!(read(&shell(json!("filled"), json!("water"), json!([1, 1]))).is_ok(), "as exact as it was given");
     let too_full = read(&shell(json!("filled"), json!("water"), json!([0.5, 20]))).unwrap();
-    assert_eq!(too_full.inside, Some(Inside::Filled { filling: "water".to_owned(), share: Range::new(0.5, 1.0) }));
+    assert_eq!(too_full.inside, Some(Inside::Filled { filling: "water".to_owned(), share: Range::new(0.5, 1.0), density_kg_m3: None }));
     assert_eq!(too_full.flags.len(), 1, "{:?}", too_full.flags);
     for (answer, named) in [
         (shell(json!("filled"), Value::Null, json!([0.9, 1])), "filling is null"),

@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex};
 
 use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
-use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects};
+use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects, WholeViews};
 use gprop::query::ask::rounds::Subject;
 use gprop::query::{AnswerSource, Context, Options, QueryError};
 use gprop::words::progress::Progress;
@@ -158,7 +158,7 @@ impl Place {
         };
         let views = self.views.iter().map(view).collect();
         let (home, hidden) = (self.home.path(), Progress::Hidden);
-        let subjects = Subjects { views, subjects, ask_views, about: AskAbout::Segments, size_in: None };
+        let subjects = Subjects { views, subjects, ask_views, about: AskAbout::Segments, whole: WholeViews::default() };
         QuerySession::new(options, subjects, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
     }
 
@@ -206,7 +206,7 @@ fn a_batch_goes_out_and_its_answers_are_replayed() {
 
     let replay = Options { answers: AnswerSource::Replay, lmm_url: None, ..options.clone() };
     let session = place.query_session(&replay);
-    let (answers, _) = session.answer_all(&|_| Ok(())).unwrap();
+    let answers = session.answer_all(&|_| Ok(())).unwrap().answers;
     assert_eq!((answers.all.len(), answers.failed().count()), (4, 0));
     assert!(place.query_session(&options).collect().is_err(), "nothing is waiting any more");
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");

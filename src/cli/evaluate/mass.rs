@@ -1,8 +1,89 @@
-//! The evaluation of masses as a table.
+//! `gprop evaluate mass`: the masses of scenes and meshes, beside what a model says without gprop, as a table.
 
-use super::scores_text;
-use crate::evaluate::mass::{Balance, Causes, MassEvaluation, Weighed, WeighedPart};
+use std::path::{Path, PathBuf};
+
+use super::{one_scene_only, scores_text, shown_parts};
+use crate::cli::arguments::Beside;
+use crate::cli::{Global, print};
+use crate::error::{Context, Result, UsageError};
+use crate::evaluate::mass::{self as masses, Balance, Causes, MassEvaluation, Weighed, WeighedPart};
+use crate::files::read_scope::ReadScope;
+use crate::pipeline::Stage;
+use crate::pipeline::stages::query::direct_session;
+use crate::pipeline::stored::{self, Stored};
+use crate::query::{AnswerSource, DirectGuess, WholeOutcome};
 use crate::words::output::{counted, one_line};
+use crate::words::shell;
+use crate::workdir::Artifact;
+
+/// What to evaluate.
+pub struct Asked<'a> {
+    pub scenes: &'a [PathBuf],
+    pub out: Option<&'a Path>,
+    pub weights: Option<&'a Path>,
+    pub beside: Option<Beside>,
+    pub allow_read: &'a [PathBuf],
+}
+
+/// Scores the masses.
+pub fn evaluate(global: &Global, asked: &Asked) -> Result<()> {
+    one_scene_only(asked.scenes.len(), asked.out)?;
+    let weights = asked.weights.map(|path| masses::read_weights(path).with_context(|| format!("{path:?}"))).transpose()?;
+    let weigh = |scene: &PathBuf| -> Result<Weighed> {
+        let parts = Stored::open(scene, asked.out, &[Stage::Parts])?.path(Artifact::Parts);
+        let Some(weights) = &weights else { return of_scene(global, scene, &parts, asked) };
+        let name = name(scene);
+        let weight = weights.get(&name).ok_or_else(|| {
+            let file = asked.weights.unwrap_or(Path::new(""));
+            UsageError(format!("{file:?} has no line for {name:?}; add its name and mass in kg"))
+        })?;
+        Ok(masses::from_weight(&name, &parts, *weight)?)
+    };
+    let objects: Vec<Weighed> = asked.scenes.iter().map(weigh).collect::<Result<_>>()?;
+    let direct = match asked.beside {
+        None => None,
+        Some(Beside::Direct) => {
+            let guess = |(scene, object): (&PathBuf, &Weighed)| {
+                let DirectGuess { mass_kg, .. } = direct_guess(global, scene, asked)?;
+                Ok(masses::guessed(object, mass_kg))
+            };
+            let guesses = asked.scenes.iter().zip(&objects).map(guess).collect::<Result<_>>()?;
+            Some(Box::new(masses::evaluate(guesses)?))
+        }
+    };
+    let found = MassEvaluation { direct, ..masses::evaluate(objects)? };
+    print(global, &found, || text(&found))
+}
+
+/// The name of a scene's folder, or of a mesh without its ending.
+fn name(scene: &Path) -> String {
+    let name = if scene.is_file() { scene.file_stem() } else { scene.file_name() };
+    name.unwrap_or(scene.as_os_str()).to_string_lossy().into_owned()
+}
+
+/// A scene whose ground truth lies in its folder.
+fn of_scene(global: &Global, scene: &Path, parts: &Path, asked: &Asked) -> Result<Weighed> {
+    if scene.is_file() {
+        return Err(UsageError(format!("{scene:?} is a mesh; say what it weighs with --weights FILE")).into());
+    }
+    let truth = scene.join("ground_truth/parts.json");
+    super::check_truth(&truth, &ReadScope::new(scene).and(asked.allow_read.iter().map(PathBuf::as_path)))?;
+    let shown = shown_parts(global, scene, asked.out, asked.allow_read)?;
+    Ok(masses::from_scene(&name(scene), parts, &truth, &shown)?)
+}
+
+/// What a model said of the mass of a scene's object without gprop.
+fn direct_guess(global: &Global, scene: &Path, asked: &Asked) -> Result<DirectGuess> {
+    let mut open = stored::open(scene, asked.out, asked.allow_read, Stage::Scene, global.progress())?;
+    open.options.query.answers = AnswerSource::Replay;
+    let guess = direct_session(&open)?.direct_guess(&|_| Ok(()))?;
+    let remedy = || format!("ask with `gprop query {} --direct`", shell::path(scene));
+    match guess.map(|guess| guess.outcome) {
+        Some(WholeOutcome::Answered(guess)) => Ok(guess),
+        Some(WholeOutcome::Failed(failure)) => Err(UsageError(format!("{scene:?}: {failure}; {}", remedy())).into()),
+        None => Err(UsageError(format!("{scene:?}: no photo shows the object")).into()),
+    }
+}
 
 /// The table of masses, the causes of the errors, the errors of centre and inertia, the scores.
 pub fn text(found: &MassEvaluation) -> String {
@@ -21,16 +102,44 @@ pub fn text(found: &MassEvaluation) -> String {
         object.parts.iter().for_each(|part| text += &part_line(part));
     }
     text += &details_text(&found.objects);
-    text += &scores_text(&found.scores, "kg");
-    let coverage = 100.0 * found.coverage;
-    let width = found.median_width.map_or_else(|| "unknown".to_owned(), |width| format!("{width:.2}"));
-    text += &format!("\ninterval contains the truth: {coverage:.0} %, median width (high / low) {width}");
+    match &found.direct {
+        None => text += &all_scores_text(found),
+        Some(direct) => {
+            text += &beside_text(&found.objects, &direct.objects);
+            text += &format!("gprop\n{}\nthe direct guess\n{}", all_scores_text(found), all_scores_text(direct));
+        }
+    }
     match found.missing.first() {
         Some(first) => {
             text + &format!("\nwithout a mass: {} (first: {})", counted(found.missing.len(), "scene"), one_line(first))
         }
         None => text,
     }
+}
+
+fn all_scores_text(found: &MassEvaluation) -> String {
+    let scores = scores_text(&found.scores, "kg");
+    let coverage = 100.0 * found.coverage;
+    let width = found.median_width.map_or_else(|| "unknown".to_owned(), |width| format!("{width:.2}"));
+    format!("{scores}\ninterval contains the truth: {coverage:.0} %, median width (high / low) {width}")
+}
+
+/// The direct guesses, object by object, each with its error and that of gprop in the logarithm.
+fn beside_text(objects: &[Weighed], guesses: &[Weighed]) -> String {
+    let mut text = format!(
+        "\n{:<24} {:>10} {:>10} {:>10}  covered  {:>9} {:>9}\n",
+        "the direct guess", "low kg", "mid kg", "high kg", "its error", "gprop's"
+    );
+    for (object, guess) in objects.iter().zip(guesses) {
+        let (range, holds) = (guess.predicted, if guess.covered { "yes" } else { "no" });
+        let [own, gprop] = [guess, object].map(|of| (of.predicted.mid / of.truth).ln());
+        let name = cut(&guess.id, 24);
+        text += &format!(
+            "{name:<24} {:>10.4} {:>10.4} {:>10.4}  {holds:<7}  {own:>+9.3} {gprop:>+9.3}\n",
+            range.low, range.mid, range.high
+        );
+    }
+    text + "\n"
 }
 
 /// All that the ground truth of a scene tells beyond its mass; nothing if no object comes from such a scene.

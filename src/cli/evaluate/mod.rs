@@ -64,26 +64,15 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> Result<()> {
         Evaluate::Mass { data_set: Some(folder), split, out, .. } => {
             evaluate_data_set(global, folder, split.as_deref(), out.as_deref())
         }
-        Evaluate::Mass { scenes, out, allowed, .. } => {
-            evaluate_masses(global, scenes, out.as_deref(), &allowed.allow_read)
+        Evaluate::Mass { scenes, out, weights, beside, allowed, .. } => {
+            let allow_read = &allowed.allow_read;
+            let asked = mass::Asked { scenes, out: out.as_deref(), weights: weights.as_deref(), beside: *beside, allow_read };
+            mass::evaluate(global, &asked)
         }
         Evaluate::Hardness { points, out, allowed } => {
             evaluate_hardness(global, points, out.as_deref(), &allowed.allow_read)
         }
     }
-}
-
-fn evaluate_masses(global: &Global, scenes: &[PathBuf], out: Option<&Path>, allow_read: &[PathBuf]) -> Result<()> {
-    one_scene_only(scenes.len(), out)?;
-    let weigh = |scene: &PathBuf| -> Result<_> {
-        let id = scene.file_name().unwrap_or(scene.as_os_str()).to_string_lossy();
-        let parts = Stored::open(scene, out, &[Stage::Parts])?.path(Artifact::Parts);
-        let truth = scene.join("ground_truth/parts.json");
-        check_truth(&truth, &ReadScope::new(scene).and(allow_read.iter().map(PathBuf::as_path)))?;
-        Ok(masses::from_scene(&id, &parts, &truth, &shown_parts(global, scene, out, allow_read)?)?)
-    };
-    let found = masses::evaluate(scenes.iter().map(weigh).collect::<Result<_>>()?)?;
-    print(global, &found, || mass::text(&found))
 }
 
 /// For each part that was found, by its id, the true part that it mostly shows; empty if the scene has no true part maps.

@@ -76,6 +76,9 @@ pub struct MassEvaluation {
     /// Median of high / low over the objects whose low end is above 0; `None` if there is no such object.
     pub median_width: Option<f64>,
     pub objects: Vec<Weighed>,
+    /// What a model says of the same objects without gprop, if that was to be compared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub direct: Option<Box<MassEvaluation>>,
     /// Scenes of the data set whose weight is known, but which have no mass yet.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
@@ -201,6 +204,37 @@ pub fn from_weight(id: &str, parts: &Path, weight_kg: f64) -> Result<Weighed, Ev
     Ok(weighed(id.to_owned(), measured(parts)?.object.mass_kg, weight_kg, Vec::new()))
 }
 
+/// The same object with another prediction of its mass.
+pub fn guessed(object: &Weighed, mass_kg: Estimate) -> Weighed {
+    weighed(object.id.clone(), mass_kg, object.truth, Vec::new())
+}
+
+/// A line of a table of weights.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct WeightLine {
+    name: String,
+    mass_kg: f64,
+}
+
+/// Kilograms by name: a CSV with the columns name and mass_kg.
+///
+/// # Errors
+/// If the file cannot be read, or a line is not of this form.
+pub fn read_weights(path: &Path) -> Result<BTreeMap<String, f64>, EvaluateError> {
+    let remedy = "; give a CSV with the columns name,mass_kg";
+    let text = files::read_to_string(path);
+    let text = text.map_err(|source| EvaluateError::Read { path: path.to_owned(), source, remedy })?;
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    let row = |(line, row): (u64, Result<WeightLine, csv::Error>)| {
+        let message = |error: csv::Error| format!("{error}; the columns are name,mass_kg");
+        row.map(|WeightLine { name, mass_kg }| (name, mass_kg))
+            .map_err(|error| EvaluateError::Row { path: path.to_owned(), line, message: message(error) })
+    };
+    // The first line has the names of the columns.
+    (2..).zip(reader.deserialize()).map(row).collect()
+}
+
 fn measured(parts: &Path) -> Result<Parts, EvaluateError> {
     read_json(parts, "parts in kilograms", "; run `gprop run` on the scene first")
 }
@@ -227,7 +261,7 @@ pub fn evaluate(objects: Vec<Weighed>) -> Result<MassEvaluation, EvaluateError> 
     let coverage = covered as f64 / objects.len() as f64;
     let bounded = objects.iter().map(|object| object.predicted).filter(|mass| mass.low > 0.0);
     let median_width = median(bounded.map(|mass| mass.high / mass.low).collect());
-    Ok(MassEvaluation { scores, coverage, median_width, objects, missing: Vec::new() })
+    Ok(MassEvaluation { scores, coverage, median_width, objects, direct: None, missing: Vec::new() })
 }
 
 fn read_json<T: DeserializeOwned>(

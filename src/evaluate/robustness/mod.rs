@@ -128,6 +128,7 @@ pub fn text(scenes: &[Robustness]) -> String {
     let mut text = String::new();
     for Robustness { scene, asked, voting_views, few_views, compared_views, .. } in scenes {
         let asked = match asked {
+            AskAbout::Object => "object",
             AskAbout::Parts => "parts",
             AskAbout::Segments => "segments",
         };

@@ -38,6 +38,8 @@ pub enum Source {
     Filling,
     /// The length of a scene unit, if it has an interval.
     Scale,
+    /// Things that no part shows.
+    Unnumbered,
 }
 
 /// The change of a logarithm at the low and the high end of an unknown.
@@ -120,6 +122,8 @@ pub enum Owner {
     Material(String),
     /// The filling with this name.
     Filling(String),
+    /// The thing that no part shows with this index.
+    Thing(usize),
 }
 
 /// The unknowns, each by its source and its owner.
@@ -193,6 +197,8 @@ struct Reading {
     bounds: Vec<[f64; 2]>,
 }
 
+/// A relative error so small that the most likely unknowns give the sum exactly.
+const EXACT: f64 = 1e-3;
 /// Steps of Gauss-Newton; a few suffice for any mass that the bounds allow.
 const STEPS: usize = 100;
 /// The number of places that are tried on the way of a step.
@@ -220,6 +226,16 @@ impl Belief {
         let (middle, _) = likely.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
         let reading = Reading { effects: effects(masses, &middle), error, bounds: unknowns.bounds.clone() };
         Self { reading: Some(reading), middle }
+    }
+
+    /// The belief in which the sum of `masses` is `mass`: each unknown is where it most likely is if the sum is the middle, and as
+    /// uncertain as it is if the sum has this interval.
+    pub fn in_which(unknowns: &Unknowns, masses: &[Quantity], mass: Estimate) -> Self {
+        let mut belief = Self::after(unknowns, masses, mass.mid, EXACT);
+        if let Some(reading) = &mut belief.reading {
+            reading.error = 0.5 * (mass.high / mass.low).ln();
+        }
+        belief
     }
 
     /// The quantity as it is believed to be.

@@ -3,6 +3,7 @@
 use super::Weighable;
 use super::moments::Moments;
 use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, Quantity, Source, Unknowns, extremes};
+use crate::parts::belief::PRINTED_ERROR;
 use crate::parts::compose::volume::Volume;
 use crate::query::Form;
 use crate::units::{Estimate, Range};
@@ -50,6 +51,13 @@ impl Scale {
         let factor = ANY_SCALE.exp();
         Self { meters_per_unit, range: Some(Range::new(meters_per_unit / factor, meters_per_unit * factor)) }
     }
+
+    /// What an error of the scale does to a quantity that grows with this power of it; `None` if the scale is exact.
+    fn effect(self, power: f64, unknowns: &mut Unknowns) -> Option<(usize, Effect)> {
+        let Range { low, high } = self.range?;
+        let unknown = unknowns.number(Source::Scale, &Owner::Object);
+        Some((unknown, Effect::of(Estimate::new(low, self.meters_per_unit, high)).wider(power)))
+    }
 }
 
 /// Logarithm of the factor by which an unknown scale may be off.
@@ -57,28 +65,27 @@ const ANY_SCALE: f64 = 7.0;
 
 impl Weights {
     /// The masses of `weighables` in kilograms.
-    pub fn new(weighables: &[Weighable], Scale { meters_per_unit: scale, range }: Scale) -> Self {
+    pub fn new(weighables: &[Weighable], scale: Scale) -> Self {
         let mut unknowns = Unknowns::default();
-        let mut all = Vec::new();
-        for (of, weighable) in weighables.iter().enumerate() {
-            all.push(part(of, weighable, scale, &mut unknowns));
+        let all = weights(weighables, scale, &mut unknowns);
+        let uncertain_scale = scale.effect(1.0, &mut unknowns);
+        let uncertain_scale =
+            uncertain_scale.map(|effect| Quantity { mid: scale.meters_per_unit, effects: vec![effect] });
+        Self { belief: Belief::prior(&unknowns), unknowns, all, scale: scale.meters_per_unit, uncertain_scale }
+    }
+
+    /// Takes over what is believed of the object: the mass that its parts have together, and what its contents weigh by what is
+    /// printed on it.
+    pub fn believe(&mut self, together_kg: Estimate, printed_kg: Option<f64>) {
+        let fillings = self.all.iter_mut().filter(|weight| weight.is_filling);
+        let largest = fillings.max_by(|a, b| a.mass.mid.total_cmp(&b.mass.mid));
+        if let (Some(weight), Some(kg)) = (largest, printed_kg) {
+            let unknown = self.unknowns.number(Source::Filling, &Owner::Object);
+            let effects = vec![(unknown, Effect { low: -PRINTED_ERROR, high: PRINTED_ERROR })];
+            weight.density = Quantity { mid: kg / weight.volume.mid, effects: Vec::new() };
+            weight.mass = Quantity { mid: kg, effects };
         }
-        for (of, weighable) in weighables.iter().enumerate() {
-            all.extend(filling(of, weighable, scale, &mut unknowns));
-        }
-        let mut uncertain_scale = None;
-        if let Some(Range { low, high }) = range {
-            let unknown = unknowns.number(Source::Scale, &Owner::Object);
-            let effect = |power: f64| (unknown, Effect::of(Estimate::new(low, scale, high)).wider(power));
-            for weight in &mut all {
-                // The area of a wall grows with the square of the scale, its thickness not at all.
-                let power = if weight.wall.is_some() { 2.0 } else { 3.0 };
-                weight.volume.effects.push(effect(power));
-                weight.mass.effects.push(effect(power));
-            }
-            uncertain_scale = Some(Quantity { mid: scale, effects: vec![effect(1.0)] });
-        }
-        Self { belief: Belief::prior(&unknowns), unknowns, all, scale, uncertain_scale }
+        self.belief = Belief::in_which(&self.unknowns, &self.masses(), together_kg);
     }
 
     /// Takes into account that a kitchen scale read `reading_kg`, within `error_kg`. Returns the mass that was expected
@@ -138,6 +145,27 @@ impl Weights {
     pub fn sum_by_source(&self, masses: &[Quantity]) -> Vec<(Source, Estimate)> {
         self.belief.by_source(&self.unknowns, masses)
     }
+}
+
+/// The masses of `weighables` in kilograms: parts first, then fillings. Those of other weighables over the same unknowns can be
+/// added to them.
+pub fn weights(weighables: &[Weighable], scale: Scale, unknowns: &mut Unknowns) -> Vec<Weight> {
+    let meters = scale.meters_per_unit;
+    let mut all = Vec::new();
+    for (of, weighable) in weighables.iter().enumerate() {
+        all.push(part(of, weighable, meters, unknowns));
+    }
+    for (of, weighable) in weighables.iter().enumerate() {
+        all.extend(filling(of, weighable, meters, unknowns));
+    }
+    for weight in &mut all {
+        // The area of a wall grows with the square of the scale, its thickness not at all.
+        let power = if weight.wall.is_some() { 2.0 } else { 3.0 };
+        let effect = scale.effect(power, unknowns);
+        weight.volume.effects.extend(effect);
+        weight.mass.effects.extend(effect);
+    }
+    all
 }
 
 fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -> Weight {

@@ -51,7 +51,11 @@ pub(super) const ROW: Row = Row {
     inputs: &[Stage::Scene, Stage::Segment],
     options: &["consensus"],
     result: Artifact::FoundParts,
-    key: |open, inputs| Ok(inputs.with_json(&open.options.consensus.ask).hex()),
+    // A question about the whole object is about its parts.
+    key: |open, inputs| {
+        let ask = open.options.consensus.ask;
+        Ok(inputs.with_json(&if ask == AskAbout::Object { AskAbout::Parts } else { ask }).hex())
+    },
     is_stale: never,
     run,
 };

@@ -8,12 +8,13 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::Result;
-use crate::parts::{self, Interior, Options, Parts, PartsError, PartsResult, Shape};
+use crate::parts::{self, Interior, Known, Options, Parts, PartsError, PartsResult, Possibilities, Shape};
 use crate::scene::View;
 use crate::scene::mesh::solid::Measured;
 use crate::units::{Estimate, MetricScale, Range};
 use crate::workdir::Artifact;
 
+use super::query::Recognized;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::vote::MaterialField;
@@ -45,7 +46,7 @@ pub fn scale_after_weighing(known: Option<MetricScale>, parts: Option<&Parts>) -
 }
 
 pub(super) const ROW: Row = Row {
-    inputs: &[Stage::Scene, Stage::Vote],
+    inputs: &[Stage::Scene, Stage::Query, Stage::Vote],
     options: &["parts"],
     result: Artifact::Parts,
     key,
@@ -86,12 +87,20 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
 fn measured(open: &OpenScene, scale: Option<&MetricScale>) -> Result<PartsResult> {
     let (gaussians, options) = (&open.scene.gaussians, &open.options.parts);
     let field = open.get::<MaterialField>()?;
+    let possible = possibilities(open, &field)?;
+    let known = Known { scale, possible: possible.as_ref() };
     if let Some(mesh) = open.scene.mesh.as_ref().filter(|_| options.volume.takes_mesh()) {
         let mesh = Measured::of(&mesh.painted.mesh.surface).map_err(PartsError::from)?;
-        return Ok(parts::parts_of_mesh(gaussians, &field, &mesh, scale, options)?);
+        return Ok(parts::parts_of_mesh(gaussians, &field, &mesh, known, options)?);
     }
     let (cameras, coverage) = (open.scene.cameras(), coverage(&open.scene.views, options)?);
-    Ok(parts::parts(gaussians, &field, &cameras, &coverage, scale, options, open.progress())?)
+    Ok(parts::parts(gaussians, &field, &cameras, &coverage, known, options, open.progress())?)
+}
+
+/// What the object and its parts may be, if that was asked.
+fn possibilities(open: &OpenScene, field: &MaterialField) -> Result<Option<Possibilities>> {
+    let recognized = open.get::<Recognized>()?;
+    Ok(recognized.0.as_ref().map(|recognized| Possibilities::new(recognized, field, &open.library)))
 }
 
 /// For each view, the share of each pixel of its photo that the object covers; `None` if it is unknown or the view is
@@ -130,7 +139,11 @@ pub fn scale(open: &OpenScene) -> Result<Option<MetricScale>> {
 pub fn weighed_field(open: &OpenScene) -> Result<Arc<MaterialField>> {
     let field = open.get::<MaterialField>()?;
     let Some(parts) = metric_parts(open)?.filter(|parts| parts.are_weighed()) else { return Ok(field) };
+    let possible = possibilities(open, &field)?;
     let mut weighed = Arc::unwrap_or_clone(field);
+    if let (Some(possible), Some(belief)) = (possible, &parts.belief) {
+        weighed.labels = possible.labels_taken(&weighed, &belief.taken(&weighed.labels));
+    }
     parts.set_densities(&mut weighed.labels);
     Ok(Arc::new(weighed))
 }

@@ -8,10 +8,15 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::Result;
 use crate::query::{
-    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, SizeAnswer, SizeOutcome, SizeQuestion,
-    SubjectAnswer, SubjectId,
+    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Purpose, Recognition, Size, SubjectAnswer, SubjectId,
+    WholeAnswer, WholeOutcome,
 };
-use crate::scene::{ScaleChoice, Scene};
+use crate::camera::Camera;
+use crate::consensus::{self, AskAbout};
+use crate::gaussians::bounds::least_box;
+use crate::scene::{ScaleChoice, Scene, View};
+use crate::segment::LabelMap;
+use crate::words::readable::significant;
 use crate::units::{MetricScale, Range};
 use crate::words::output::{agreeing, counted};
 use crate::words::part_name::part_name;
@@ -22,13 +27,15 @@ use super::subjects::FoundSubjects;
 use super::{Done, Job, OpenScene, Row, Stage, Stored};
 use crate::pictures::framing;
 use crate::pipeline::hasher::{Hasher, file_digest};
-use crate::pipeline::query_session::{self, QuerySession, QueryView, Subjects, write_sheets};
+use crate::pipeline::query_session::{
+    self, Answered, QuerySession, QueryView, Subjects, WholeViews, whole_sheet, write_sheets,
+};
 
 /// The content of `size.json`.
 #[derive(Serialize, Deserialize)]
 struct SizeFile {
     #[serde(flatten)]
-    answer: SizeAnswer,
+    answer: WholeAnswer<Size>,
     scale: Option<MetricScale>,
 }
 
@@ -49,7 +56,7 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
     let candidates = query_session::candidates(options, &open.library)?;
     let mut hasher = inputs
         .with_json(&without_paths)
-        .with_json(&open.options.consensus.ask_views)
+        .with_json(&open.options.consensus)
         .with_json(&candidates.families())
         .with_json(&candidates.materials())
         .with_json(&open.library.fillings())
@@ -71,31 +78,44 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let work = &open.work;
     let about = FoundSubjects::of(open)?;
     let session = session(open, &about, &open.options.query)?;
-    let (answers, file) =
+    let Answered { answers, size: file, recognition } =
         session.answer_with_size(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer))?;
     let answers = settled(answers);
     let jsonl = answers.to_jsonl();
     work.write(Artifact::Answers, jsonl.as_bytes())?;
     answers.require_any()?;
-    let sheets = answers.all.iter().map(|answer| Artifact::Sheet(&answer.view, answer.subject.number()));
-    let mut outputs: Vec<Artifact> = sheets.chain([Artifact::Answers]).collect();
+    let mut outputs = vec![Artifact::Answers];
     let mut warnings = failures(&answers);
+    work.remove(Artifact::Object)?;
+    match &recognition {
+        Some(recognition) => {
+            work.write_json(Artifact::Object, recognition)?;
+            outputs.extend([Artifact::Object, whole_sheet(Purpose::Recognition, &recognition.view)]);
+            if let WholeOutcome::Failed(failure) = &recognition.outcome {
+                warnings.push(format!("the model did not say what the object is, so its parts were asked about: {failure}"));
+            }
+        }
+        None => {
+            let sheets = answers.all.iter().map(|answer| Artifact::Sheet(&answer.view, answer.subject.number()));
+            outputs.extend(sheets);
+        }
+    }
     if let Some((file, warning)) = &file {
         work.write_json(Artifact::Size, file)?;
         warnings.push(warning.clone());
-        outputs.extend([Artifact::Size, Artifact::Sheet(&file.answer.view, SizeQuestion::WHOLE)]);
+        outputs.extend([Artifact::Size, whole_sheet(Purpose::Size, &file.answer.view)]);
     }
-    let digest = Hasher::new("answers").with(jsonl.as_bytes()).with_json(&file).hex();
+    let digest = Hasher::new("answers").with(jsonl.as_bytes()).with_json(&file).with_json(&recognition).hex();
     let done = Done::writing(outputs).warning(warnings).noting(notes(&answers));
     // Recordings are part of the key, and asking may have added some.
     Ok(Done { digest: Some(digest), key: Some(key(open, job.inputs.clone())?), ..done })
 }
 
 /// The size of the object with the scale that follows from it, and what the user should know about that scale.
-fn size_file(scene: &Scene, answer: SizeAnswer) -> Result<(SizeFile, String)> {
+fn size_file(scene: &Scene, answer: WholeAnswer<Size>) -> Result<(SizeFile, String)> {
     let size = match &answer.outcome {
-        SizeOutcome::Answered(size) => size,
-        SizeOutcome::Failed(failure) => {
+        WholeOutcome::Answered(size) => size,
+        WholeOutcome::Failed(failure) => {
             let warning = format!("view {}: the model did not say how long the object is: {failure}", answer.view);
             return Ok((SizeFile { answer, scale: None }, warning));
         }
@@ -110,6 +130,23 @@ fn size_file(scene: &Scene, answer: SizeAnswer) -> Result<(SizeFile, String)> {
     );
     let warning = [Some(warning), unusual].into_iter().flatten().collect::<Vec<_>>().join("; ");
     Ok((SizeFile { answer, scale: Some(scale) }, warning))
+}
+
+/// What the object is, if that was asked and answered.
+pub struct Recognized(pub Option<Recognition>);
+
+impl Stored for Recognized {
+    const STAGE: Stage = Stage::Query;
+
+    fn load(open: &OpenScene) -> Result<Self> {
+        if open.options.consensus.ask != AskAbout::Object {
+            return Ok(Self(None));
+        }
+        let answer: WholeAnswer<Recognition> = open.work.read_json(Artifact::Object)?;
+        let WholeOutcome::Answered(recognized) = answer.outcome else { return Ok(Self(None)) };
+        let problem = recognized.problem().map(|problem| open.work.damaged(Artifact::Object, problem));
+        problem.map_or(Ok(Self(Some(recognized))), |problem| Err(problem.into()))
+    }
 }
 
 /// The answers to the questions about the chosen views.
@@ -135,15 +172,60 @@ pub fn session<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a O
         open.views.iter().enumerate().map(|(number, view)| {
             Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: about.maps(number) })
         });
-    let views = views.collect::<Result<_>>()?;
-    let home = open.home_of_recordings();
-    query_session::check_recordings(options, home, &open.work, open.options.scene.read_scope(home))?;
-    let network = open.options.setup.network();
+    let views: Vec<QueryView> = views.collect::<Result<_>>()?;
     let (subjects, ask_views) = about.subjects(open);
     let asks_size = open.options.scene.scale == ScaleChoice::Estimate;
-    let size_in = if asks_size { fullest_view(open) } else { None };
-    let subjects = Subjects { views, subjects, ask_views, about: about.about(), size_in };
+    let recognition = match open.options.consensus.ask {
+        AskAbout::Object => {
+            let maps: Vec<&LabelMap> = views.iter().filter_map(|view| view.maps.last()).map(AsRef::as_ref).collect();
+            sides(open, &maps, MOST_SIDES)
+        }
+        AskAbout::Parts | AskAbout::Segments => Vec::new(),
+    };
+    let whole = WholeViews {
+        size: if asks_size { fullest_view(open) } else { None },
+        recognition,
+        direct: Vec::new(),
+        outer_size: outer_size(open),
+    };
+    asking(open, options, Subjects { views, subjects, ask_views, about: about.about(), whole })
+}
+
+/// The question for the mass of the object alone, as the photos show it.
+pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
+    let view = |view: &'a View| Ok(QueryView { name: &*view.name, photo: open.photo(view)?, maps: Vec::new() });
+    let views = open.views.iter().map(view).collect::<Result<_>>()?;
+    let direct = sides(open, &vec![&LabelMap::default(); open.views.len()], SIDES_OF_GUESS);
+    let whole = WholeViews { direct, outer_size: outer_size(open), ..WholeViews::default() };
+    let subjects = Subjects { views, subjects: Vec::new(), ask_views: 1, about: AskAbout::Object, whole };
+    asking(open, &open.options.query, subjects)
+}
+
+fn asking<'a>(open: &'a OpenScene, options: &'a Options, subjects: Subjects<'a>) -> Result<QuerySession<'a>> {
+    let (home, network) = (open.home_of_recordings(), open.options.setup.network());
+    query_session::check_recordings(options, home, &open.work, open.options.scene.read_scope(home))?;
     QuerySession::new(options, subjects, &open.library, home, &open.work, network, open.progress())
+}
+
+/// Sides of the object in the question what it is: more would show each too small.
+const MOST_SIDES: usize = 4;
+/// Photos in the question for its mass alone: as many as people take to show a thing.
+const SIDES_OF_GUESS: usize = 3;
+
+/// Up to `most` of the chosen views that show the object, divided as `maps` say, from all sides; the one that shows most of
+/// it comes first.
+fn sides(open: &OpenScene, maps: &[&LabelMap], most: usize) -> Vec<usize> {
+    let cameras: Vec<&Camera> = open.views.iter().map(|view| &view.camera).collect();
+    let center = open.scene.object_bounds().center();
+    fullest_view(open).map_or_else(Vec::new, |first| consensus::sides::sides(&cameras, center, maps, first, most))
+}
+
+/// The outer size of the object in words, if the scale is known from the scene: a model knows what such things weigh.
+fn outer_size(open: &OpenScene) -> Option<String> {
+    const CM_PER_M: f64 = 100.0;
+    let scale = open.scene.scale.as_ref()?.meters_per_unit;
+    let [a, b, c] = least_box(&open.scene.gaussians).map(|side| significant(side * scale * CM_PER_M));
+    Some(format!("outer size {a} x {b} x {c} cm"))
 }
 
 /// Estimates what a query would send, and its cost.

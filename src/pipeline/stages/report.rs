@@ -20,6 +20,7 @@ use crate::words::shell;
 use crate::workdir::Artifact;
 
 use super::grasp::{self, Grasped};
+use super::query::Recognized;
 use super::scene;
 use super::subjects::FoundSubjects;
 use super::vote::ShowsMost;
@@ -67,10 +68,13 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
 fn pictures(open: &OpenScene, answers: &Answers, field: &MaterialField, simulates: bool) -> Result<Pictures> {
     let work = &open.work;
     let about = FoundSubjects::of(open)?;
-    let maps = about.settled_maps(open, answers);
+    let maps = about.settled_maps(open, answers)?;
     let views = open.views.par_iter().zip(&maps);
     let views = views.map(|(view, map)| ViewPictures::draw(view, map, &open.scene.gaussians, field));
-    let sheets = answers.all.par_iter().map(|answer| {
+    let recognized = &open.get::<Recognized>()?.0;
+    // What was asked about the whole object was asked with one sheet.
+    let asked_alone = if recognized.is_some() { &[] } else { answers.all.as_slice() };
+    let sheets = asked_alone.par_iter().map(|answer| {
         let (view, number) = (answer.view.as_str(), answer.subject.number());
         Ok(SheetPicture::shrink(view, number, &work.read(Artifact::Sheet(view, number))?)?)
     });

@@ -14,6 +14,7 @@ use crate::vote::AnsweredPart;
 
 use super::OpenScene;
 use super::consensus::{FoundPart, FoundParts, renamed};
+use super::query::Recognized;
 
 /// What the questions are about, with the label maps that show it.
 pub enum FoundSubjects {
@@ -25,7 +26,7 @@ impl FoundSubjects {
     /// What the options say; the parts must have been found.
     pub fn of(open: &OpenScene) -> Result<Self> {
         Ok(match open.options.consensus.ask {
-            AskAbout::Parts => Self::Parts(open.get()?),
+            AskAbout::Object | AskAbout::Parts => Self::Parts(open.get()?),
             AskAbout::Segments => Self::Segments(open.get()?),
         })
     }
@@ -64,13 +65,21 @@ impl FoundSubjects {
 
     /// For every chosen view, the label map whose ids the answers settle: of segments; or of parts, and of the pieces of
     /// those that consist of several materials.
-    pub fn settled_maps(&self, open: &OpenScene, answers: &Answers) -> Vec<Cow<'_, LabelMap>> {
+    ///
+    /// # Errors
+    /// If the answer about the object cannot be read.
+    pub fn settled_maps(&self, open: &OpenScene, answers: &Answers) -> Result<Vec<Cow<'_, LabelMap>>> {
         let found = match self {
             Self::Parts(found) => found,
             Self::Segments(segmentation) => {
-                return segmentation.views.iter().map(|view| Cow::Borrowed(&view.map)).collect();
+                return Ok(segmentation.views.iter().map(|view| Cow::Borrowed(&view.map)).collect());
             }
         };
+        if let Some(recognized) = &open.get::<Recognized>()?.0 {
+            let first = recognized.first_of_piece();
+            let first = |id: u16| first.get(&id).copied().unwrap_or(id);
+            return Ok(found.maps.iter().map(|map| Cow::Owned(renamed(map, first))).collect());
+        }
         let index = view_indices(open);
         let in_view = |answer: &SubjectAnswer| {
             Some(SubjectInView { view: *index.get(answer.view.as_str())?, id: answer.subject.number() })
@@ -79,7 +88,7 @@ impl FoundSubjects {
             answers.all.iter().filter_map(|answer| Some((in_view(answer)?, &answer.outcome))).collect();
         let settled = rounds::settled(&found.subjects(&index), &outcomes);
         let settled = |id: u16| settled.get(&id).copied().unwrap_or(id);
-        found.maps.iter().map(|map| Cow::Owned(renamed(map, settled))).collect()
+        Ok(found.maps.iter().map(|map| Cow::Owned(renamed(map, settled))).collect())
     }
 }
 

@@ -37,7 +37,7 @@ pub(super) const ROW: Row = Row {
 fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     let (work, gaussians) = (&open.work, &open.scene.gaussians);
     let (about, answers) = (FoundSubjects::of(open)?, open.get::<Answers>()?);
-    let field = elect(open, &about, &voters(&open.views, &about.settled_maps(open, &answers)), &answers)?;
+    let field = elect(open, &about, &voters(&open.views, &about.settled_maps(open, &answers)?), &answers)?;
     work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
     work.write_json(Artifact::Labels, &field.labels)?;
     work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &open.library))?;

@@ -7,7 +7,7 @@ use super::asker::{AskError, Asker, Correction, Reply, ReplyContent, Request};
 use super::budget::{Budget, NotSent};
 use super::cost::Cost;
 use super::queries::Queries;
-use super::size::{Size, SizeQuestion};
+use super::whole::{WholeOutcome, WholeQuestion};
 use crate::query::answer::{Problem, Unknown};
 use crate::query::error::{InVain, QueryError};
 use crate::query::options::AnswerSource;
@@ -102,11 +102,11 @@ impl<'a> Live<'a> {
         }
     }
 
-    /// Asks about the size of the object.
-    pub fn size(&self, query: &SizeQuestion) -> Result<Result<Size, Failure>, Stop> {
-        match self.answer_one(&query.shown, &query.question, &|response: &str, _| query.read(response)) {
-            Ok(size) => Ok(Ok(size)),
-            Err(Halt::Question(failure)) => Ok(Err(failure)),
+    /// Asks a question about the whole object.
+    pub fn whole<A>(&self, whole: &WholeQuestion<A>) -> Result<WholeOutcome<A>, Stop> {
+        match self.answer_one(&whole.shown, &whole.question, &|response: &str, _| whole.read(response)) {
+            Ok(answer) => Ok(WholeOutcome::Answered(answer)),
+            Err(Halt::Question(failure)) => Ok(WholeOutcome::Failed(failure)),
             Err(Halt::All(stop)) => Err(stop),
             Err(Halt::Closed) => Err(Stop::Budget),
         }

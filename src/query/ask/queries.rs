@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::cost::{Cost, Price};
-use super::size::SizeQuestion;
+use super::whole::AnyWholeQuestion;
 use crate::consensus::AskAbout;
 use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
@@ -31,13 +31,12 @@ pub struct ViewSubjects<'a> {
 }
 
 /// Everything that may be asked about a scene.
-#[derive(Debug)]
 pub struct Queries<'a> {
     pub about: AskAbout,
     /// By view in the order of the views, then by id.
     pub subjects: Vec<ShownSubject>,
-    /// The question about the size of the object, if it is to be asked.
-    pub size: Option<&'a SizeQuestion>,
+    /// The questions about the object as a whole that are to be asked.
+    pub whole: Vec<&'a dyn AnyWholeQuestion>,
     pub questions: Questions,
     pub library: &'a MaterialLibrary,
     pub prompts: &'a Prompts,
@@ -59,7 +58,7 @@ impl<'a> Queries<'a> {
         for view in views {
             subjects.extend(subjects_of(view, options.context, options.sheet_size)?);
         }
-        Ok(Self { about, subjects, size: None, questions, library, prompts, options })
+        Ok(Self { about, subjects, whole: Vec::new(), questions, library, prompts, options })
     }
 
     /// Checks a response to what was asked.
@@ -70,19 +69,16 @@ impl<'a> Queries<'a> {
     /// # Returns
     /// `None` if it is none of these questions.
     pub fn check(&self, asked: &QuestionId, response: &str, unknown: Unknown) -> Option<Result<(), Problem>> {
-        if let Some(size) = self.size.filter(|size| size.question.is(asked)) {
-            return Some(size.read(response).map(drop));
+        if let Some(whole) = self.whole.iter().find(|whole| whole.question().is(asked)) {
+            return Some(whole.check(response));
         }
         let question = self.questions.find(asked)?;
         Some(self.questions.read(question, response, self.library, unknown).map(drop))
     }
 
-    /// The estimated cost of asking about the size, as in [`Self::cost`]; zero if it is not to be asked.
-    pub fn cost_of_size(&self, price: Option<&Price>) -> Cost {
-        let cost = |size: &SizeQuestion| {
-            Cost::of_request(&[&size.question.prompt], size.shown.sheet_size, self.options.lmm_max_tokens, price)
-        };
-        self.size.map_or_else(Cost::default, cost)
+    /// The estimated cost of asking a question about the whole object, as in [`Self::cost`].
+    pub fn cost_of_whole(&self, whole: &dyn AnyWholeQuestion, price: Option<&Price>) -> Cost {
+        Cost::of_request(&[&whole.question().prompt], whole.shown().sheet_size, self.options.lmm_max_tokens, price)
     }
 
     /// The estimated cost of asking these questions, each answered at the first try.

@@ -1,7 +1,7 @@
 //! Answers from recordings.
 
 use super::queries::Queries;
-use super::size::{Size, SizeQuestion};
+use super::whole::WholeQuestion;
 use crate::query::answer::{Problem, Unknown};
 use crate::query::options::{AnswerSource, Options};
 use crate::query::question::shown_subject::ShownSubject;
@@ -58,11 +58,11 @@ pub fn replay<'a>(queries: &'a Queries, subject: &ShownSubject, recordings: &Rec
     }
 }
 
-/// The recorded answer about the size of the object, or why there is none.
-pub fn replay_size(query: &SizeQuestion, recordings: &Recordings, who: Who) -> Result<Size, Miss> {
-    let is_readable = |response: &str| query.read(response).is_ok();
-    let (recording, _) = recordings.find(&query.shown.asked(&query.question), who, &is_readable)?;
-    query.read(&recording.response).map_err(|_| Miss::Unusable)
+/// The recorded answer to a question about the whole object, or why there is none.
+pub fn replay_whole<A>(whole: &WholeQuestion<A>, recordings: &Recordings, who: Who) -> Result<A, Miss> {
+    let is_readable = |response: &str| whole.read(response).is_ok();
+    let (recording, _) = recordings.find(&whole.shown.asked(&whole.question), who, &is_readable)?;
+    whole.read(&recording.response).map_err(|_| Miss::Unusable)
 }
 
 /// A failure that names the recording as its cause.

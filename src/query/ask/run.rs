@@ -13,7 +13,7 @@ use super::cost::{Cost, Price};
 use super::live::{Live, Stop};
 use super::queries::Queries;
 use super::replay::{self, Replayed};
-use super::size::{Size, SizeAnswer, SizeOutcome, SizeQuestion};
+use super::whole::{AnyWholeQuestion, WholeAnswer, WholeOutcome, WholeQuestion};
 use crate::query::answer::Problem;
 use crate::query::error::{MissingAnswer, QueryError};
 use crate::query::options::AnswerSource;
@@ -89,13 +89,14 @@ impl Queries<'_> {
     /// How much is recorded, and what asking about the rest would cost. `answerer` is the one that would be asked.
     pub fn preview(&self, recordings: &Recordings, answerer: Option<&Answerer>, price: Option<&Price>) -> Preview {
         let sorted = self.sort(recordings, answerer);
-        let (asks_size, has_size) = (usize::from(self.size.is_some()), self.has_size(recordings, answerer));
-        let cost_of_size = if has_size { Cost::default() } else { self.cost_of_size(price) };
+        let open = self.open_whole(recordings, answerer);
+        let cost = open.iter().map(|whole| self.cost_of_whole(*whole, price));
+        let questions = self.subjects.len() + self.whole.len();
         Preview {
-            questions: self.subjects.len() + asks_size,
-            recorded: sorted.answered.len() + usize::from(has_size),
-            at_most: self.subjects.len() + asks_size,
-            cost: self.cost_of(&sorted.open, price).plus(cost_of_size),
+            questions,
+            recorded: sorted.answered.len() + self.whole.len() - open.len(),
+            at_most: questions,
+            cost: cost.fold(self.cost_of(&sorted.open, price), Cost::plus),
         }
     }
 
@@ -108,61 +109,68 @@ impl Queries<'_> {
         outcomes
     }
 
-    /// The subjects that are not recorded, each with the question to be asked next; then the whole object, if its size is
-    /// to be asked and is not recorded. `answerer` is the one that would be asked.
+    /// The subjects that are not recorded, each with the question to be asked next; then the whole object, with each of its
+    /// questions that is not recorded. `answerer` is the one that would be asked.
     pub fn unanswered(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<(&ShownSubject, &Question)> {
         let sorted = self.sort(recordings, answerer);
         let subjects = sorted.open.into_iter().map(|open| (&self.subjects[open.index], open.question));
-        let size = self.size.filter(|_| !self.has_size(recordings, answerer));
-        subjects.chain(size.map(|size| (&size.shown, &size.question))).collect()
+        let whole = self.open_whole(recordings, answerer).into_iter().map(|whole| (whole.shown(), whole.question()));
+        subjects.chain(whole).collect()
     }
 
-    /// True if the size is to be asked and is recorded.
-    fn has_size(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> bool {
-        self.size.is_some_and(|size| self.recorded_size(size, recordings, answerer).is_ok())
+    /// The questions about the whole object that are not recorded.
+    fn open_whole(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Vec<&dyn AnyWholeQuestion> {
+        let who = replay::who(answerer, self.options);
+        let is_open = |whole: &&dyn AnyWholeQuestion| {
+            let is_readable = |response: &str| whole.check(response).is_ok();
+            self.options.answers == AnswerSource::Live
+                || recordings.find(&whole.shown().asked(whole.question()), who, &is_readable).is_err()
+        };
+        self.whole.iter().copied().filter(is_open).collect()
     }
 
-    fn recorded_size(
+    /// The recorded answer to a question about the whole object, or why there is none. `answerer` is the one that would be
+    /// asked.
+    pub fn recorded_whole<A>(
         &self,
-        size: &SizeQuestion,
+        whole: &WholeQuestion<A>,
         recordings: &Recordings,
         answerer: Option<&Answerer>,
-    ) -> Result<Size, Miss> {
+    ) -> Result<A, Miss> {
         match self.options.answers {
             AnswerSource::Live => Err(Miss::Live),
-            _ => replay::replay_size(size, recordings, replay::who(answerer, self.options)),
+            _ => replay::replay_whole(whole, recordings, replay::who(answerer, self.options)),
         }
     }
 
-    /// The answer about the size of the object: recorded, or asked now and recorded. `None` if it is not asked for.
+    /// The answer to a question about the whole object: recorded, or asked now and recorded.
     ///
     /// # Errors
-    /// As for [`Self::run`], but [`QueryError::MissingSize`] if it is not recorded and there is no asker.
-    pub fn size(
+    /// As for [`Self::run`], but [`QueryError::MissingWhole`] if it is not recorded and there is no asker.
+    pub fn ask_whole<A>(
         &self,
+        whole: &WholeQuestion<A>,
         recordings: &Recordings,
         asker: Option<&dyn Asker>,
         budget: &Budget,
         progress: Progress,
-    ) -> Result<Option<SizeAnswer>, QueryError> {
-        let Some(query) = self.size else { return Ok(None) };
-        let view = query.shown.view.clone();
+    ) -> Result<WholeAnswer<A>, QueryError> {
+        let view = whole.shown.view.clone();
         let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
-        let outcome = match (self.recorded_size(query, recordings, asker.map(Asker::answerer)), asker) {
-            (Ok(size), _) => SizeOutcome::Answered(size),
-            (Err(miss), None) => return Err(QueryError::MissingSize { view, miss }),
+        let outcome = match (self.recorded_whole(whole, recordings, asker.map(Asker::answerer)), asker) {
+            (Ok(answer), _) => WholeOutcome::Answered(answer),
+            (Err(miss), None) => return Err(QueryError::MissingWhole { purpose: whole.purpose, view, miss }),
             (Err(_), Some(asker)) => {
                 check_ready(asker, 1)?;
-                let cost = self.cost_of_size(budget.price());
+                let cost = self.cost_of_whole(whole, budget.price());
                 check_budget(&cost, asker.answerer(), budget)?;
                 recordings.check_writable()?;
                 announce(asker, 1, &cost, budget);
                 let live = Live { queries: self, recordings, asker, budget, progress };
-                let asked = live.size(query).map_err(|stop| live.error(stop, 1))?;
-                asked.map_or_else(SizeOutcome::Failed, SizeOutcome::Answered)
+                live.whole(whole).map_err(|stop| live.error(stop, 1))?
             }
         };
-        Ok(Some(SizeAnswer { view, outcome }))
+        Ok(WholeAnswer { view, outcome })
     }
 
     /// Asks about the first subject that is not recorded and whose question is `due`, and returns that question with the
@@ -192,7 +200,7 @@ impl Queries<'_> {
         let subjects = self.subjects.par_iter();
         subjects
             .flat_map_iter(|subject| self.questions.all().map(move |question| subject.asked(question)))
-            .chain(self.size.map(|size| size.shown.asked(&size.question)))
+            .chain(self.whole.par_iter().map(|whole| whole.shown().asked(whole.question())))
             .flat_map_iter(|asked| recordings.serving(&asked))
             .collect()
     }

@@ -1,10 +1,10 @@
-//! The question about the object as a whole: what it is, and how long such an object is. It is asked only with
-//! `--scale estimate`.
+//! How long the object is: what such an object is, and what its length follows from. It is asked only with `--scale
+//! estimate`.
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use crate::query::Failure;
+use super::whole::{Purpose, WHOLE, WholeQuestion};
 use crate::query::answer::Problem;
 use crate::query::options::Options;
 use crate::query::question::Question;
@@ -13,38 +13,12 @@ use crate::query::question::schema::Schema;
 use crate::query::question::sheet::Sheet;
 use crate::query::question::shown_subject::ShownSubject;
 use crate::query::recorded::Mask;
-use crate::query::recorded::sha256::Sha256Hex;
 use crate::scene::Photo;
 use crate::units::Range;
 
 const M_PER_CM: f64 = 1e-2;
 /// The least ratio of the two ends: a picture does not tell the length of an object more precisely than to 2 %.
 const NARROWEST: f64 = 1.02;
-
-/// The question, with the picture of one view.
-#[derive(Debug)]
-pub struct SizeQuestion {
-    /// The object in that view.
-    pub shown: ShownSubject,
-    pub question: Question,
-}
-
-/// The length of the object, or why it is unknown. Written as `size.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SizeAnswer {
-    /// The view in which the object was shown.
-    pub view: String,
-    #[serde(flatten)]
-    pub outcome: SizeOutcome,
-}
-
-/// A size, or why there is none.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(tag = "status", rename_all = "snake_case")]
-pub enum SizeOutcome {
-    Answered(Size),
-    Failed(Failure),
-}
 
 /// The answer to the question.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -65,33 +39,21 @@ struct Written {
     longest_side_cm: Range,
 }
 
-impl SizeQuestion {
-    /// The id of the whole object, which no segment or part has.
-    pub const WHOLE: u16 = 0;
-
-    /// The question about the object in `photo`, which is that of `view`.
-    pub fn new(view: &str, photo: &Photo, prompts: &Prompts, options: &Options) -> Result<Self, PromptError> {
-        let sheet = Sheet::of_object(photo, options.sheet_size);
-        let (file, schema) = prompts.size_schema();
-        Ok(Self {
-            shown: ShownSubject {
-                view: view.to_owned(),
-                id: Self::WHOLE,
-                photo_sha256: Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw()),
-                mask: Mask::of_foreground(&photo.foreground),
-                sheet_sha256: sheet.pixels_sha256(),
-                sheet_size: sheet.picture.dimensions(),
-                jpeg: sheet.jpeg(),
-            },
-            question: Question::new(prompts.size().to_owned(), Schema::new(file, schema.clone(), &[], &[])?),
-        })
-    }
-
-    /// Reads a response to the question.
-    pub fn read(&self, response: &str) -> Result<Size, Problem> {
-        let value = self.question.schema.check(response).map_err(|problem| Problem::invalid(problem.to_string()))?;
-        read(value)
-    }
+/// The question about the object in `photo`, which is that of `view`.
+///
+/// # Errors
+/// If the user's schema cannot be used.
+pub fn question(
+    view: &str,
+    photo: &Photo,
+    prompts: &Prompts,
+    options: &Options,
+) -> Result<WholeQuestion<Size>, PromptError> {
+    let (mask, sheet) = (Mask::of_foreground(&photo.foreground), Sheet::of_object(photo, options.sheet_size));
+    let shown = ShownSubject::new(view, WHOLE, photo, mask, &sheet);
+    let (file, schema) = prompts.size_schema();
+    let question = Question::new(prompts.size().to_owned(), Schema::new(file, schema.clone(), &[], &[])?);
+    Ok(WholeQuestion::new(Purpose::Size, shown, question, read))
 }
 
 fn read(value: Value) -> Result<Size, Problem> {

@@ -136,7 +136,7 @@ fn material(
         .collect();
     let candidates = candidates.join("\n");
     let (prompt, (file, schema)) = match about {
-        AskAbout::Parts => (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema()),
+        AskAbout::Object | AskAbout::Parts => (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema()),
         AskAbout::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema()),
     };
     let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
@@ -144,7 +144,7 @@ fn material(
 }
 
 /// The names of the fillings, one line for each kind.
-fn by_kind(library: &MaterialLibrary) -> String {
+pub(super) fn by_kind(library: &MaterialLibrary) -> String {
     let line = |kind: FillingKind| {
         let of_kind = library.fillings().iter().filter(|filling| filling.kind == kind);
         let names: Vec<&str> = of_kind.map(|filling| filling.name.as_str()).collect();

@@ -27,6 +27,10 @@ pub struct Prompts {
     family_schema: Value,
     size: String,
     size_schema: Value,
+    object: String,
+    object_schema: Value,
+    direct: String,
+    direct_schema: Value,
 }
 
 /// A prompt file that cannot be used.
@@ -56,6 +60,10 @@ const SIZE: &str = "size.txt";
 const PICTURE_GLOBAL_LOCAL: &str = "picture_global_local.txt";
 const PICTURE_LOCAL: &str = "picture_local.txt";
 const SIZE_SCHEMA: &str = "size.schema.json";
+const OBJECT: &str = "object.txt";
+const OBJECT_SCHEMA: &str = "object.schema.json";
+const DIRECT: &str = "direct.txt";
+const DIRECT_SCHEMA: &str = "direct.schema.json";
 
 impl Prompts {
     /// The built-in prompts.
@@ -101,12 +109,18 @@ impl Prompts {
             family_schema: json("family.schema.json", include_str!("../../../prompts/family.schema.json"))?,
             size: text(SIZE, include_str!("../../../prompts/size.txt"))?,
             size_schema: json(SIZE_SCHEMA, include_str!("../../../prompts/size.schema.json"))?,
+            object: text(OBJECT, include_str!("../../../prompts/object.txt"))?,
+            object_schema: json(OBJECT_SCHEMA, include_str!("../../../prompts/object.schema.json"))?,
+            direct: text(DIRECT, include_str!("../../../prompts/direct.txt"))?,
+            direct_schema: json(DIRECT_SCHEMA, include_str!("../../../prompts/direct.schema.json"))?,
         };
         prompts.part(Context::GlobalLocal, "", "")?;
         prompts.segment(Context::GlobalLocal, "")?;
         prompts.family(Context::GlobalLocal, "")?;
         prompts.correction("")?;
+        prompts.object("", "")?;
         check_plain(SIZE, &prompts.size)?;
+        check_plain(DIRECT, &prompts.direct)?;
         check_plain(PICTURE_GLOBAL_LOCAL, &prompts.picture_global_local)?;
         check_plain(PICTURE_LOCAL, &prompts.picture_local)?;
         Ok(prompts)
@@ -138,6 +152,26 @@ impl Prompts {
     /// The schema of an answer to [`Self::size`], with its file's name.
     pub fn size_schema(&self) -> (&'static str, &Value) {
         (SIZE_SCHEMA, &self.size_schema)
+    }
+
+    /// The question for what the object is and what its pieces are made of, with `families` and `fillings` to choose from.
+    pub fn object(&self, families: &str, fillings: &str) -> Result<String, PromptError> {
+        render(OBJECT, &self.object, context! { families, fillings })
+    }
+
+    /// The schema of an answer to [`Self::object`], with its file's name.
+    pub fn object_schema(&self) -> (&'static str, &Value) {
+        (OBJECT_SCHEMA, &self.object_schema)
+    }
+
+    /// The question for the mass of the object.
+    pub fn direct(&self) -> &str {
+        &self.direct
+    }
+
+    /// The schema of an answer to [`Self::direct`], with its file's name.
+    pub fn direct_schema(&self) -> (&'static str, &Value) {
+        (DIRECT_SCHEMA, &self.direct_schema)
     }
 
     /// The message that asks the model to correct an answer.
@@ -174,6 +208,8 @@ impl Prompts {
             self.family_schema.to_string().as_bytes(),
             self.size.as_bytes(),
             self.size_schema.to_string().as_bytes(),
+            self.object.as_bytes(),
+            self.object_schema.to_string().as_bytes(),
         ])
     }
 

@@ -1,8 +1,10 @@
 //! A subject as one view shows it: a segment, a part, or the whole object, with its picture.
 
 use crate::query::question::Question;
+use crate::query::question::sheet::Sheet;
 use crate::query::recorded::sha256::Sha256Hex;
 use crate::query::recorded::{Mask, QuestionId};
+use crate::scene::Photo;
 
 /// A subject as one view shows it, and the picture that is sent for it.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,6 +23,19 @@ pub struct ShownSubject {
 }
 
 impl ShownSubject {
+    /// The subject that `mask` marks in the `photo` of this view, on its sheet.
+    pub fn new(view: &str, id: u16, photo: &Photo, mask: Mask, sheet: &Sheet) -> Self {
+        Self {
+            view: view.to_owned(),
+            id,
+            photo_sha256: Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw()),
+            mask,
+            sheet_sha256: sheet.pixels_sha256(),
+            sheet_size: sheet.picture.dimensions(),
+            jpeg: sheet.jpeg(),
+        }
+    }
+
     /// The identity of `question` when asked about this subject.
     pub fn asked(&self, question: &Question) -> QuestionId {
         QuestionId {

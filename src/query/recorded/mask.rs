@@ -28,6 +28,14 @@ impl Mask {
         Self::of_pixels((map.width, map.height), map.labels.iter().map(|label| *label == segment))
     }
 
+    /// One mask for all regions of a label map: each has a picture of its own, one below the other. Two of them overlap only
+    /// as far as the regions have the same numbers.
+    pub fn of_regions(map: &LabelMap) -> Self {
+        let most = map.labels.iter().copied().max().unwrap_or(0);
+        let pixels = (1..=most).flat_map(|region| map.labels.iter().map(move |label| *label == region));
+        Self::of_pixels((map.width, map.height.saturating_mul(u32::from(most))), pixels)
+    }
+
     /// The pixels that the object covers at least half.
     pub fn of_foreground(foreground: &GrayImage) -> Self {
         Self::of_pixels(foreground.dimensions(), foreground.pixels().map(|pixel| pixel[0] >= 128))

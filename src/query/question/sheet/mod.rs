@@ -6,6 +6,7 @@
 //! photo and segment give the same pixels on every processor; recordings are found by those pixels, before JPEG.
 
 pub(crate) mod panel;
+pub mod sides;
 
 use image::codecs::jpeg::JpegEncoder;
 use image::{GenericImage, GrayImage, Rgb, RgbImage};

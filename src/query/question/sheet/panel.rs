@@ -4,6 +4,7 @@ use image::imageops::{self, FilterType};
 use image::{GenericImage, GrayImage, ImageBuffer, Luma, Pixel, Rgb, RgbImage};
 
 use crate::scene::Photo;
+use crate::segment::LabelMap;
 
 /// Background of the object: light enough for dark objects, dark enough that a white one keeps its edge.
 const GROUND: Rgb<u8> = Rgb([222, 222, 222]);
@@ -180,6 +181,22 @@ fn fit<P: Pixel<Subpixel = u8> + 'static>(
     let mut panel = ImageBuffer::from_pixel(size.0, size.1, ground);
     panel.copy_from(&scaled, (size.0 - width) / 2, (size.1 - height) / 2).expect("the picture was scaled to fit");
     panel
+}
+
+/// The labels within a box, on a panel of this size, placed as [`fit`] places the picture; 0 around them.
+pub fn labels(map: &LabelMap, object_box: Area, size: (u32, u32)) -> LabelMap {
+    let (width, height) = fitted((object_box.width(), object_box.height()), size);
+    let (left, top) = ((size.0 - width) / 2, (size.1 - height) / 2);
+    let nearest = |at: u32, of: u32, from: u32| (u64::from(at) * u64::from(from) / u64::from(of)) as u32;
+    let label = |x: u32, y: u32| {
+        let (x, y) = (x.checked_sub(left).filter(|x| *x < width)?, y.checked_sub(top).filter(|y| *y < height)?);
+        let x = object_box.x0 + nearest(x, width, object_box.width());
+        let y = object_box.y0 + nearest(y, height, object_box.height());
+        map.labels.get((y * map.width + x) as usize).copied()
+    };
+    let places = (0..size.1).flat_map(|y| (0..size.0).map(move |x| (x, y)));
+    let labels = places.map(|(x, y)| label(x, y).unwrap_or(0)).collect();
+    LabelMap { width: size.0, height: size.1, labels }
 }
 
 /// The largest size with the proportions of a picture of `width` x `height` that fits into `size`.

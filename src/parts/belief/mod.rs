@@ -1,0 +1,568 @@
+//! What is believed of an object after all evidence: what it is, how its pieces are made, and how heavy it is.
+//!
+//! The unknowns are the object's identity (a [`Hypothesis`]), the way in which each piece is made (a choice), and under each
+//! of them the continuous ones of [`unknowns`](super::mass::unknowns). A [state](states) is one combination of identity and
+//! choices; its prior probability is what the model says. Under a state, shape and materials give a belief about the mass, and so
+//! does the model's own estimate for such a thing; both are [`Spread`]s of its logarithm, independent of each other:
+//!
+//! p(state, m) is proportional to p(state) * shape(m | state) * stated(m | hypothesis)
+//!
+//! so a state under which both agree gains, and one under which the object would be much too heavy for what it is loses. The
+//! sum over states is computed on a grid. `docs/parts.md` has the model in words.
+
+pub mod spread;
+pub mod states;
+
+use serde::{Deserialize, Serialize};
+
+use super::mass::unknowns::{Belief, Effect, Owner, Quantity, Source, Unknowns};
+use super::mass::weights::Weight;
+use crate::materials::MaterialLibrary;
+use crate::query::{Hypothesis, Piece, Printed, Recognition, Unnumbered};
+use crate::units::{Estimate, Range};
+use crate::vote::{Contents, FieldLabel, MaterialField};
+use spread::{Curve, Spread};
+use states::State;
+
+/// What the object and its parts may be, beside what the field says of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Possibilities {
+    /// What the whole may be; at least one.
+    pub hypotheses: Vec<Hypothesis>,
+    /// By label of the field; those of which nothing more is known have no choices.
+    pub of_label: Vec<Vec<Possible>>,
+    pub printed: Option<Printed>,
+    pub unnumbered: Vec<Unnumbered>,
+}
+
+/// One way in which a part may be made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Possible {
+    pub label: FieldLabel,
+    /// Its probability among the part's choices, by hypothesis.
+    pub under: Vec<f64>,
+}
+
+impl Believed {
+    /// The mass that the parts and their fillings have together.
+    pub fn together_kg(&self) -> Estimate {
+        // Most of an object is in its parts, whatever is said of what they do not show.
+        const LEAST_SHARE: f64 = 0.1;
+        let share = (1.0 - self.unshown_kg / self.mass_kg.mid).max(LEAST_SHARE);
+        self.mass_kg.scaled(share)
+    }
+}
+
+impl Possibilities {
+    /// What was recognized in the parts of the field.
+    pub fn new(recognized: &Recognition, field: &MaterialField, library: &MaterialLibrary) -> Self {
+        let hypotheses = &recognized.hypotheses;
+        let of_piece = |id: u32, piece: &Piece| -> Vec<Possible> {
+            let under: Vec<Vec<f64>> = (0..hypotheses.len()).map(|hypothesis| piece.probabilities(hypothesis)).collect();
+            let possible = |(choice, answer)| Possible {
+                label: FieldLabel::answered(id, answer, library),
+                under: under.iter().map(|probabilities| probabilities[choice]).collect(),
+            };
+            piece.choices.iter().map(|choice| &choice.answer).enumerate().map(possible).collect()
+        };
+        let of_label = |label: &FieldLabel| {
+            let is_its = |piece: &&Piece| piece.numbers.first().is_some_and(|first| u32::from(*first) == label.id);
+            recognized.pieces.iter().find(is_its).map_or_else(Vec::new, |piece| of_piece(label.id, piece))
+        };
+        Self {
+            hypotheses: hypotheses.clone(),
+            of_label: field.labels.iter().map(of_label).collect(),
+            printed: recognized.printed.clone(),
+            unnumbered: recognized.unnumbered.clone(),
+        }
+    }
+
+    /// How many ways there are for the part with most of them.
+    pub fn most_choices(&self) -> usize {
+        self.of_label.iter().map(Vec::len).max().unwrap_or(0)
+    }
+
+    /// The labels of a field if every part is made in the way that is `taken` for it.
+    pub fn labels_taken(&self, field: &MaterialField, taken: &[Option<usize>]) -> Vec<FieldLabel> {
+        let with = |((label, possible), taken): ((&FieldLabel, &Vec<Possible>), &Option<usize>)| {
+            taken.and_then(|taken| possible.get(taken)).map_or_else(|| label.clone(), |possible| possible.label.clone())
+        };
+        field.labels.iter().zip(&self.of_label).zip(taken).map(with).collect()
+    }
+
+    /// The labels of a field if every part is made in the way of this index, or in its last way if it has fewer.
+    pub fn labels_with(&self, field: &MaterialField, choice: usize) -> Vec<FieldLabel> {
+        let with = |(label, possible): (&FieldLabel, &Vec<Possible>)| {
+            possible.get(choice).or(possible.last()).map_or_else(|| label.clone(), |possible| possible.label.clone())
+        };
+        field.labels.iter().zip(&self.of_label).map(with).collect()
+    }
+}
+
+/// What is believed of the object. Written as `belief` into `parts.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct ObjectBelief {
+    /// What it may be, in the model's order.
+    pub hypotheses: Vec<BelievedHypothesis>,
+    /// How its parts may be made, by part id.
+    pub parts: Vec<BelievedPart>,
+    /// The mass that shape and materials give by themselves.
+    pub shape_kg: Estimate,
+    /// What is printed on it about its contents, word for word, if it was taken into account.
+    pub printed: Option<String>,
+    /// What no part shows, with its probability before all evidence and after.
+    pub unnumbered: Vec<BelievedThing>,
+}
+
+impl ObjectBelief {
+    /// For each label, by its part id, the index of the way that is taken.
+    pub fn taken(&self, labels: &[FieldLabel]) -> Vec<Option<usize>> {
+        let of = |label: &FieldLabel| self.parts.iter().find(|part| part.id == label.id).map(|part| part.taken);
+        labels.iter().map(of).collect()
+    }
+}
+
+/// A hypothesis before and after the evidence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BelievedHypothesis {
+    pub what: String,
+    /// What the model said.
+    pub stated_probability: f64,
+    pub stated_mass_kg: Range,
+    /// After all evidence.
+    pub probability: f64,
+    /// The object's mass if this is what it is; `None` if that is all but excluded.
+    pub mass_kg: Option<Estimate>,
+}
+
+/// The ways in which a part may be made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BelievedPart {
+    /// The part id.
+    pub id: u32,
+    /// In the model's order.
+    pub choices: Vec<BelievedChoice>,
+    /// The index of the one that masses, simulation, grasps and exports take.
+    pub taken: usize,
+}
+
+/// One way in which a part may be made, before and after the evidence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BelievedChoice {
+    /// Name of the library row.
+    pub material: String,
+    pub stated_probability: f64,
+    pub probability: f64,
+}
+
+/// Something that no part shows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BelievedThing {
+    pub what: String,
+    pub stated_probability: f64,
+    pub probability: f64,
+    /// How much heavier it makes the object.
+    pub mass_kg: Range,
+}
+
+/// What follows from a belief for the weighing of parts.
+pub struct Believed {
+    pub object: ObjectBelief,
+    /// What the things that no part shows weigh, on the average, kg.
+    pub unshown_kg: f64,
+    /// What the contents weigh by what is printed on the object, kg.
+    pub printed_kg: Option<f64>,
+    /// By label, the way that is taken, if there are several.
+    pub taken: Vec<Option<usize>>,
+    /// The mass of the object.
+    pub mass_kg: Estimate,
+    /// By label, of its material, and of what fills it.
+    pub masses: Vec<[Option<Estimate>; 2]>,
+}
+
+/// Under this share of all probability, a hypothesis is not worth a mass of its own.
+const EXCLUDED: f64 = 1e-4;
+/// States whose parts are weighed one by one; the rest differ little from them, or are improbable.
+const WEIGHED_STATES: usize = 8;
+/// How far the contents of a package are from what is printed on it, as the half-width of a 90 % interval of the logarithm:
+/// the tolerable error of a package of 100 g to 1 kg is 1.5 to 4.5 % (Council Directive 76/211/EEC, annex I), and what is weighed is
+/// seldom fresh from the shop.
+pub const PRINTED_ERROR: f64 = 0.04;
+
+/// The evidence that bears on the masses.
+pub struct Evidence<'a> {
+    pub possible: &'a Possibilities,
+    /// By choice, the masses if every part is made that way, as [`Possibilities::labels_with`] says: of parts and fillings,
+    /// all over the same unknowns.
+    pub weights: &'a [Vec<Weight>],
+    /// By choice, the labels.
+    pub labels: &'a [Vec<FieldLabel>],
+    /// By choice, the index of the label of each weighable.
+    pub label_of: &'a [usize],
+    /// A reading of a kitchen scale, kg.
+    pub reading_kg: Option<f64>,
+}
+
+/// A state with what it says of the mass.
+struct Weighed {
+    state: State,
+    /// By label, the masses of its material and of its filling.
+    masses: Vec<[Option<Quantity>; 2]>,
+    extra: Vec<Quantity>,
+    shape: Estimate,
+}
+
+/// Weighs all evidence.
+pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
+    let Evidence { possible, .. } = evidence;
+    let stated: Vec<Spread> = possible.hypotheses.iter().map(|of| Spread::of_range(of.mass_kg)).collect();
+    let states: Vec<Weighed> = states(possible).into_iter().map(|state| weighed(evidence, state, unknowns)).collect();
+    let shapes: Vec<Spread> = states.iter().map(|of| Spread::of(of.shape)).collect();
+    let empty = Curve::over(shapes.iter().chain(&stated));
+    let (mut whole, mut by_shape) = (empty.clone(), empty.clone());
+    let mut by_hypothesis = vec![(empty.clone(), 0.0); stated.len()];
+    let mut given_state = Vec::with_capacity(states.len());
+    for (of, shape) in states.iter().zip(&shapes) {
+        let State { hypothesis, probability, .. } = of.state;
+        let (product, mut agreement) = empty.product(shape, Some(&stated[hypothesis]));
+        if let Some(reading) = evidence.reading_kg {
+            agreement = shape.density(reading.ln()) * stated[hypothesis].density(reading.ln());
+        }
+        whole.add(&product, probability);
+        by_shape.add(&empty.product(shape, None).0, probability);
+        let (curve, sum) = &mut by_hypothesis[hypothesis];
+        curve.add(&product, probability);
+        *sum += probability * agreement;
+        given_state.push((product.percentiles(), probability * agreement));
+    }
+    let all: f64 = given_state.iter().map(|(_, weight)| weight).sum();
+    let posterior: Vec<f64> = given_state.iter().map(|(_, weight)| weight / all).collect();
+    let given_state: Vec<Estimate> = given_state.into_iter().map(|(mass, _)| mass).collect();
+    let of_hypothesis: Vec<f64> = by_hypothesis.iter().map(|(_, sum)| sum / all).collect();
+    let taken = taken(possible, &states, &posterior, &of_hypothesis);
+    let unnumbered = things(possible, &states, &posterior);
+    let best = (0..states.len()).rev().max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]));
+    Believed {
+        unshown_kg: unnumbered.iter().map(|of| of.probability * middle(of.mass_kg)).sum(),
+        printed_kg: best.and_then(|best| printed_mass(evidence, &states[best].state)),
+        object: ObjectBelief {
+            hypotheses: possible
+                .hypotheses
+                .iter()
+                .zip(by_hypothesis.iter().zip(&of_hypothesis))
+                .map(|(stated, ((curve, _), probability))| BelievedHypothesis {
+                    what: stated.what.clone(),
+                    stated_probability: stated.probability,
+                    stated_mass_kg: stated.mass_kg,
+                    probability: *probability,
+                    mass_kg: (*probability > EXCLUDED).then(|| curve.percentiles()),
+                })
+                .collect(),
+            parts: parts(possible, &states, &posterior, &taken),
+            shape_kg: by_shape.percentiles(),
+            printed: printed_text(possible, &states),
+            unnumbered,
+        },
+        masses: masses(&states, &posterior, &given_state, unknowns),
+        mass_kg: whole.percentiles(),
+        taken,
+    }
+}
+
+/// The combinations of hypotheses, of choices for the labels that have any, and of whether each thing without a number is
+/// there.
+fn states(possible: &Possibilities) -> Vec<State> {
+    let hypotheses: Vec<f64> = possible.hypotheses.iter().map(|of| of.probability).collect();
+    let of_label = |choices: &Vec<Possible>| -> Vec<Vec<f64>> {
+        let under = |hypothesis: usize| choices.iter().map(|choice| choice.under[hypothesis]).collect();
+        if choices.is_empty() { vec![vec![1.0]; hypotheses.len()] } else { (0..hypotheses.len()).map(under).collect() }
+    };
+    let thing = |of: &Unnumbered| vec![vec![1.0 - of.probability, of.probability]; hypotheses.len()];
+    let pieces: Vec<_> = possible.of_label.iter().map(of_label).chain(possible.unnumbered.iter().map(thing)).collect();
+    states::most_probable(&hypotheses, &pieces)
+}
+
+/// The masses under a state.
+fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighed {
+    let Evidence { possible, weights, label_of, .. } = evidence;
+    let labels = possible.of_label.len();
+    let mut masses: Vec<[Option<Quantity>; 2]> = vec![[None, None]; labels];
+    for label in 0..labels {
+        let choice = state.choices[label].min(weights.len() - 1);
+        let own = weights[choice].iter().filter(|weight| label_of[weight.of] == label);
+        own.for_each(|weight| masses[label][usize::from(weight.is_filling)] = Some(weight.mass.clone()));
+    }
+    if let Some(contents) = printed_mass(evidence, &state)
+        && let Some(filling) = largest_filling(&mut masses)
+    {
+        let unknown = unknowns.number(Source::Filling, &Owner::Object);
+        *filling = Quantity { mid: contents, effects: vec![(unknown, symmetric(PRINTED_ERROR))] };
+    }
+    let is_there = possible.unnumbered.iter().zip(&state.choices[labels..]);
+    let extra = is_there.enumerate().filter(|(_, (_, there))| **there == 1).map(|(n, (thing, _))| {
+        let Range { low, high } = thing.mass_kg;
+        let unknown = unknowns.number(Source::Unnumbered, &Owner::Thing(n));
+        Quantity { mid: middle(thing.mass_kg), effects: vec![(unknown, symmetric(0.5 * (high / low).ln()))] }
+    });
+    let extra: Vec<Quantity> = extra.collect();
+    let all: Vec<Quantity> = masses.iter().flatten().flatten().chain(&extra).cloned().collect();
+    Weighed { shape: Belief::prior(unknowns).of_sum(&all), state, masses, extra }
+}
+
+/// The middle of a range of masses: as likely too light by a factor as too heavy by it.
+fn middle(Range { low, high }: Range) -> f64 {
+    (low * high).sqrt()
+}
+
+fn symmetric(half_width: f64) -> Effect {
+    Effect { low: -half_width, high: half_width }
+}
+
+/// What the contents weigh by what is printed on the object, if it says so, kg.
+fn printed_mass(evidence: &Evidence, state: &State) -> Option<f64> {
+    let printed = evidence.possible.printed.as_ref()?;
+    let by_volume = || {
+        let labels = (0..evidence.possible.of_label.len()).map(|label| {
+            let choice = state.choices[label].min(evidence.labels.len() - 1);
+            &evidence.labels[choice][label]
+        });
+        let filled = labels.filter_map(|label| match &label.inside {
+            Some(Contents::Filled(filled)) => Some(filled.density_kg_m3.mid),
+            _ => None,
+        });
+        Some(printed.volume_m3? * filled.into_iter().next()?)
+    };
+    printed.mass_kg.or_else(by_volume)
+}
+
+fn largest_filling(masses: &mut [[Option<Quantity>; 2]]) -> Option<&mut Quantity> {
+    let fillings = masses.iter_mut().filter_map(|[_, filling]| filling.as_mut());
+    fillings.max_by(|a, b| a.mid.total_cmp(&b.mid))
+}
+
+/// For each label, the choice that is the most probable under the most probable hypothesis.
+fn taken(possible: &Possibilities, states: &[Weighed], posterior: &[f64], of_hypothesis: &[f64]) -> Vec<Option<usize>> {
+    let best = (0..of_hypothesis.len()).rev().max_by(|a, b| of_hypothesis[*a].total_cmp(&of_hypothesis[*b]));
+    let of_label = |label: usize| {
+        let choices = possible.of_label[label].len();
+        let mut sums = vec![0.0; choices];
+        for (of, probability) in states.iter().zip(posterior).filter(|(of, _)| Some(of.state.hypothesis) == best) {
+            if let Some(sum) = sums.get_mut(of.state.choices[label]) {
+                *sum += probability;
+            }
+        }
+        (0..choices).rev().max_by(|a, b| sums[*a].total_cmp(&sums[*b]))
+    };
+    (0..possible.of_label.len()).map(of_label).collect()
+}
+
+/// The probability that a piece of the states is made in this way.
+fn probability_of(states: &[Weighed], posterior: &[f64], piece: usize, choice: usize) -> f64 {
+    let with = states.iter().zip(posterior).filter(|(of, _)| of.state.choices[piece] == choice);
+    with.map(|(_, probability)| probability).sum()
+}
+
+fn parts(
+    possible: &Possibilities,
+    states: &[Weighed],
+    posterior: &[f64],
+    taken: &[Option<usize>],
+) -> Vec<BelievedPart> {
+    let of_label = |(label, choices): (usize, &Vec<Possible>)| {
+        let choice = |(index, choice): (usize, &Possible)| BelievedChoice {
+            material: choice.label.material.clone(),
+            stated_probability: possible.hypotheses.iter().zip(&choice.under).map(|(h, p)| h.probability * p).sum(),
+            probability: probability_of(states, posterior, label, index),
+        };
+        let first = choices.first()?;
+        Some(BelievedPart {
+            id: first.label.id,
+            choices: choices.iter().enumerate().map(choice).collect(),
+            taken: taken[label]?,
+        })
+    };
+    possible.of_label.iter().enumerate().filter_map(of_label).collect()
+}
+
+fn things(possible: &Possibilities, states: &[Weighed], posterior: &[f64]) -> Vec<BelievedThing> {
+    let labels = possible.of_label.len();
+    let thing = |(n, thing): (usize, &Unnumbered)| BelievedThing {
+        what: thing.what.clone(),
+        stated_probability: thing.probability,
+        probability: probability_of(states, posterior, labels + n, 1),
+        mass_kg: thing.mass_kg,
+    };
+    possible.unnumbered.iter().enumerate().map(thing).collect()
+}
+
+/// What is printed, if any state has a filling of which it tells the mass.
+fn printed_text(possible: &Possibilities, states: &[Weighed]) -> Option<String> {
+    let printed = possible.printed.as_ref().filter(|printed| printed.mass_kg.or(printed.volume_m3).is_some())?;
+    let has_filling = |of: &Weighed| of.masses.iter().any(|[_, filling]| filling.is_some());
+    states.iter().any(has_filling).then(|| printed.text.clone())
+}
+
+/// By label, the masses of its material and its filling over the most probable states: in each of them, the mass of the whole is
+/// shared out as a kitchen scale's reading would be.
+fn masses(
+    states: &[Weighed],
+    posterior: &[f64],
+    given_state: &[Estimate],
+    unknowns: &Unknowns,
+) -> Vec<[Option<Estimate>; 2]> {
+    let labels = states.first().map_or(0, |of| of.masses.len());
+    let mut order: Vec<usize> = (0..states.len()).collect();
+    order.sort_by(|a, b| posterior[*b].total_cmp(&posterior[*a]));
+    order.truncate(WEIGHED_STATES);
+    let mut found: Vec<[Vec<(Spread, f64)>; 2]> = vec![[Vec::new(), Vec::new()]; labels];
+    for &s in &order {
+        let Weighed { masses, extra, .. } = &states[s];
+        let all: Vec<Quantity> = masses.iter().flatten().flatten().chain(extra).cloned().collect();
+        let Estimate { low, mid, high } = given_state[s];
+        let belief = Belief::after(unknowns, &all, mid, 0.5 * (high / low).ln());
+        for (found, masses) in found.iter_mut().zip(masses) {
+            for (found, mass) in found.iter_mut().zip(masses).filter_map(|(found, mass)| Some((found, mass.as_ref()?))) {
+                found.push((Spread::of(belief.of(mass)), posterior[s]));
+            }
+        }
+    }
+    let mixed = |spreads: Vec<(Spread, f64)>| {
+        let mut curve = Curve::over(spreads.iter().map(|(spread, _)| spread));
+        let empty = curve.clone();
+        spreads.iter().for_each(|(spread, weight)| curve.add(&empty.product(spread, None).0, *weight));
+        (!spreads.is_empty()).then(|| curve.percentiles())
+    };
+    found.into_iter().map(|[own, filling]| [mixed(own), mixed(filling)]).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two parts, each with two ways of being made, and two hypotheses, the second of which excludes a way.
+    fn two_parts() -> (Possibilities, Vec<Vec<Weight>>, Vec<Vec<FieldLabel>>, Unknowns) {
+        let library = MaterialLibrary::builtin();
+        let label = |id: u32, material: &str| FieldLabel::of(id, library.get(material).unwrap());
+        let possible = |id, material: &str, under: [f64; 2]| Possible { label: label(id, material), under: under.into() };
+        let hypothesis = |what: &str, probability, low, high| Hypothesis {
+            what: what.to_owned(),
+            probability,
+            mass_kg: Range::new(low, high),
+        };
+        let possible = Possibilities {
+            hypotheses: vec![hypothesis("a real one", 0.7, 0.5, 1.2), hypothesis("an imitation", 0.3, 0.05, 0.2)],
+            of_label: vec![
+                vec![possible(1, "stainless steel 304", [0.8, 0.1]), possible(1, "abs", [0.2, 0.9])],
+                vec![possible(2, "ash, white", [1.0, 0.5]), possible(2, "abs", [0.0, 0.5])],
+            ],
+            printed: None,
+            unnumbered: Vec::new(),
+        };
+        let mut unknowns = Unknowns::default();
+        let method = unknowns.number(Source::Method, &Owner::Object);
+        let mut weight = |of, mid, half_width| {
+            let density = unknowns.number(Source::Density, &Owner::Part(of as u32));
+            let mass = Quantity { mid, effects: vec![(method, symmetric(0.1)), (density, symmetric(half_width))] };
+            let none = Quantity::default();
+            Weight { of, is_filling: false, volume: none.clone(), density: none, mass, wall: None, share: None }
+        };
+        let weights = vec![
+            vec![weight(0, 0.6, 0.02), weight(1, 0.1, 0.2)],
+            vec![weight(0, 0.08, 0.05), weight(1, 0.15, 0.05)],
+        ];
+        let labels = (0..2).map(|choice| possible.of_label.iter().map(|of| of[choice].label.clone()).collect()).collect();
+        (possible, weights, labels, unknowns)
+    }
+
+    #[test]
+    fn a_belief_is_what_summing_over_everything_gives() {
+        let (possible, weights, labels, mut unknowns) = two_parts();
+        let evidence =
+            Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg: None };
+        let believed = believe(&evidence, &mut unknowns);
+        // Every combination, on a grid of its own.
+        let (mut all, mut real, mut steel) = (0.0, 0.0, 0.0);
+        let mut of_mass: Vec<(f64, f64)> = Vec::new();
+        for (h, hypothesis) in possible.hypotheses.iter().enumerate() {
+            for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                let prior = hypothesis.probability * possible.of_label[0][a].under[h] * possible.of_label[1][b].under[h];
+                let masses = [weights[a][0].mass.clone(), weights[b][1].mass.clone()];
+                let shape = Spread::of(Belief::prior(&unknowns).of_sum(&masses));
+                let stated = Spread::of_range(hypothesis.mass_kg);
+                for n in 0..20_000 {
+                    let ln_kg = -6.0 + 8.0 * f64::from(n) / 20_000.0;
+                    let density = prior * shape.density(ln_kg) * stated.density(ln_kg);
+                    all += density;
+                    real += if h == 0 { density } else { 0.0 };
+                    steel += if a == 0 { density } else { 0.0 };
+                    of_mass.push((ln_kg, density));
+                }
+            }
+        }
+        of_mass.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let percentile = |share: f64| {
+            let mut below = 0.0;
+            let reached = of_mass.iter().find(|(_, density)| {
+                below += density;
+                below >= share * all
+            });
+            reached.unwrap().0.exp()
+        };
+        let ObjectBelief { hypotheses, parts, .. } = &believed.object;
+        assert!((hypotheses[0].probability - real / all).abs() < 0.01, "{hypotheses:?}, {}", real / all);
+        assert!((parts[0].choices[0].probability - steel / all).abs() < 0.01, "{parts:?}, {}", steel / all);
+        let Estimate { low, mid, high } = believed.mass_kg;
+        for (found, share) in [(low, 0.05), (mid, 0.5), (high, 0.95)] {
+            assert!((found / percentile(share)).ln().abs() < 0.02, "{found}, {}", percentile(share));
+        }
+        assert_eq!(believed.taken, [Some(0), Some(0)], "steel and ash: heavy enough for a real one");
+    }
+
+    #[test]
+    fn a_reading_decides_between_hypotheses() {
+        let (possible, weights, labels, mut unknowns) = two_parts();
+        let evidence =
+            Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg: Some(0.2) };
+        let believed = believe(&evidence, &mut unknowns);
+        assert!(believed.object.hypotheses[1].probability > 0.95, "{:?}", believed.object);
+        assert_eq!(believed.taken[0], Some(1), "steel would be too heavy");
+    }
+
+    #[test]
+    fn what_is_printed_gives_the_weight_of_the_contents() {
+        let (mut possible, mut weights, labels, mut unknowns) = two_parts();
+        possible.hypotheses = vec![Hypothesis { what: "full".into(), probability: 1.0, mass_kg: Range::new(0.2, 2.0) }];
+        for weights in &mut weights {
+            let share = unknowns.number(Source::Filling, &Owner::Part(1));
+            let mass = Quantity { mid: 0.9, effects: vec![(share, symmetric(0.4))] };
+            let none = Quantity::default();
+            weights.push(Weight {
+                of: 0,
+                is_filling: true,
+                volume: none.clone(),
+                density: none,
+                mass,
+                wall: None,
+                share: None,
+            });
+        }
+        let printed = Printed { text: "NET WT 500 g".to_owned(), mass_kg: Some(0.5), volume_m3: None };
+        let mut weigh = |printed: Option<Printed>| {
+            let possible = Possibilities { printed, ..possible.clone() };
+            let evidence =
+                Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg: None };
+            believe(&evidence, &mut unknowns)
+        };
+        let (guessed, read) = (weigh(None), weigh(Some(printed)));
+        assert_eq!(read.printed_kg, Some(0.5));
+        let filling = |of: &Believed| of.masses[0][1].unwrap();
+        assert!((filling(&read).mid / 0.5).ln().abs() < 0.02 && filling(&guessed).mid > 0.7, "{:?}", filling(&read));
+        let width = |mass: Estimate| mass.high / mass.low;
+        assert!(width(filling(&read)) < 1.12 && width(filling(&guessed)) > 1.5, "{:?}", filling(&read));
+    }
+}

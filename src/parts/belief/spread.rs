@@ -1,0 +1,133 @@
+//! What is believed of a mass: a density of its logarithm.
+
+use crate::units::{Estimate, Range};
+
+/// A density of the logarithm of a mass, with half of its probability on either side of the middle. Each half is that of
+/// Student's t with three degrees of freedom: a shape, or a model's guess, is now and then off by much more than its interval
+/// says, and where two of them disagree, neither should be explained away by a tail that falls as fast as a normal one's
+/// (O'Hagan, *On outlier rejection phenomena in Bayes inference*, 1979).
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Spread {
+    /// ln(kg).
+    middle: f64,
+    /// Scale of the half below, and of the one above.
+    below: f64,
+    above: f64,
+}
+
+/// The 95th percentile of Student's t with three degrees of freedom.
+const END: f64 = 2.353_363;
+/// 2 / (pi sqrt(3)): its density at 0.
+const PEAK: f64 = 0.367_552_6;
+/// No mass is known better than this from a shape or a guess: the half-width of an interval's logarithm.
+const NARROWEST: f64 = 0.005;
+
+impl Spread {
+    /// The belief whose 5th, 50th and 95th percentiles are those of the estimate, kg.
+    pub fn of(mass_kg: Estimate) -> Self {
+        let half = |ratio: f64| if ratio > 0.0 && ratio.is_finite() { ratio.ln().max(NARROWEST) / END } else { 1.0 };
+        let Estimate { low, mid, high } = mass_kg;
+        Self { middle: mid.ln(), below: half(mid / low), above: half(high / mid) }
+    }
+
+    /// The belief whose 5th and 95th percentiles are the ends of the range, kg, and which is symmetric in the logarithm.
+    pub fn of_range(Range { low, high }: Range) -> Self {
+        Self::of(Estimate::new(low, (low * high).sqrt(), high))
+    }
+
+    /// The density of ln(kg).
+    pub fn density(&self, ln_kg: f64) -> f64 {
+        let scale = if ln_kg < self.middle { self.below } else { self.above };
+        let u = (ln_kg - self.middle) / scale;
+        PEAK / (1.0 + u * u / 3.0).powi(2) / scale
+    }
+
+    /// Logarithms between which nearly all of it lies.
+    fn reach(&self) -> [f64; 2] {
+        // Less than 0.1 % is beyond on either side.
+        const FAR: f64 = 12.0;
+        [self.middle - FAR * self.below, self.middle + FAR * self.above]
+    }
+}
+
+/// A mixture of densities, on a grid.
+#[derive(Debug, Clone)]
+pub struct Curve {
+    first: f64,
+    step: f64,
+    density: Vec<f64>,
+}
+
+/// Places of a grid: over the four powers of ten that a doubtful object may span, one for every 0.3 %.
+const PLACES: usize = 3000;
+
+impl Curve {
+    /// Nothing, on a grid that reaches over all of these.
+    pub fn over<'a>(spreads: impl Iterator<Item = &'a Spread>) -> Self {
+        let whole = |[low, high]: [f64; 2], [from, to]: [f64; 2]| [low.min(from), high.max(to)];
+        let [low, high] = spreads.map(Spread::reach).fold([f64::INFINITY, f64::NEG_INFINITY], whole);
+        Self { first: low, step: (high - low) / (PLACES - 1) as f64, density: vec![0.0; PLACES] }
+    }
+
+    /// The product of two densities on the same grid, and its integral.
+    pub fn product(&self, a: &Spread, b: Option<&Spread>) -> (Self, f64) {
+        let density: Vec<f64> =
+            self.places().map(|ln_kg| a.density(ln_kg) * b.map_or(1.0, |b| b.density(ln_kg))).collect();
+        let integral = density.iter().sum::<f64>() * self.step;
+        (Self { density, ..*self }, integral)
+    }
+
+    /// Adds another density on the same grid.
+    pub fn add(&mut self, other: &Self, weight: f64) {
+        self.density.iter_mut().zip(&other.density).for_each(|(sum, more)| *sum += weight * more);
+    }
+
+    /// The 5th, 50th and 95th percentiles, kg.
+    pub fn percentiles(&self) -> Estimate {
+        let all: f64 = self.density.iter().sum();
+        let at = |share: f64| -> f64 {
+            let mut below = 0.0;
+            let place = self.density.iter().position(|density| {
+                below += density;
+                below >= share * all
+            });
+            // Within the place in which the share is reached.
+            let place = place.unwrap_or(0);
+            let over = if self.density[place] > 0.0 { (below - share * all) / self.density[place] } else { 0.0 };
+            (self.first + self.step * (place as f64 + 0.5 - over)).exp()
+        };
+        Estimate::new(at(0.05), at(0.5), at(0.95))
+    }
+
+    fn places(&self) -> impl Iterator<Item = f64> + use<> {
+        let (first, step) = (self.first, self.step);
+        (0..self.density.len()).map(move |place| first + step * place as f64)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn percentiles_are_those_that_were_given() {
+        let given = Estimate::new(0.2, 0.3, 0.7);
+        let spread = Spread::of(given);
+        let (curve, integral) = Curve::over(std::iter::once(&spread)).product(&spread, None);
+        assert!((integral - 1.0).abs() < 0.005, "{integral}");
+        let found = curve.percentiles();
+        for (found, given) in [(found.low, given.low), (found.mid, given.mid), (found.high, given.high)] {
+            assert!((found / given).ln().abs() < 0.02, "{found} for {given}");
+        }
+    }
+
+    #[test]
+    fn of_two_that_disagree_by_far_neither_is_explained_away() {
+        let [light, heavy] = [Spread::of_range(Range::new(0.09, 0.11)), Spread::of_range(Range::new(0.9, 1.1))];
+        let (curve, agreement) = Curve::over([&light, &heavy].into_iter()).product(&light, Some(&heavy));
+        let found = curve.percentiles();
+        assert!(found.low < 0.12 && found.high > 0.85, "both are kept in mind: {found:?}");
+        let (_, with_itself) = curve.product(&light, Some(&light));
+        assert!(agreement < 1e-3 * with_itself);
+    }
+}

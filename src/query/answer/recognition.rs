@@ -1,0 +1,426 @@
+//! Turns a model's JSON about the whole object into a [`Recognition`]: probabilities that add up to 1, SI units, materials
+//! of the library.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{
+    BULK_DENSITY, FILL_SHARE, LIKENESS, Problem, Quantity, WALL_THICKNESS, WrittenForm, WrittenInside, in_order, possible,
+};
+use crate::materials::{Material, MaterialLibrary, fold};
+use crate::query::{Answer, Failure, Form, Inside};
+use crate::units::Range;
+
+const KG_PER_G: f64 = 1e-3;
+const M3_PER_ML: f64 = 1e-6;
+/// From a milligram to a thousand tonnes, as for a kitchen scale's reading.
+const MASS: Quantity =
+    Quantity { field: "mass_g", name: "mass in kg", what: "a mass in g", unit: KG_PER_G, bounds: Range::new(1e-6, 1e6) };
+/// Lighter fillings than feathers and denser ones than lead shot do not occur.
+const FILLING_DENSITY: Quantity = Quantity {
+    field: "filling_density_kg_m3",
+    name: "density of the filling in kg/m3",
+    what: "a density in kg/m3",
+    unit: 1.0,
+    bounds: Range::new(2.0, 8000.0),
+};
+
+/// What a model says of the object as a whole.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Recognition {
+    /// The object, as the model names it.
+    pub object: String,
+    /// What is printed on it about its contents, if that is legible.
+    pub printed: Option<Printed>,
+    /// What it may be, at least one, the most probable first; their probabilities add up to 1.
+    pub hypotheses: Vec<Hypothesis>,
+    /// Every region of the question belongs to exactly one of them.
+    pub pieces: Vec<Piece>,
+    /// What has no region of its own.
+    pub unnumbered: Vec<Unnumbered>,
+}
+
+/// What is printed on the object about its contents.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Printed {
+    /// Word for word.
+    pub text: String,
+    pub mass_kg: Option<f64>,
+    pub volume_m3: Option<f64>,
+}
+
+/// One thing that the whole object may be.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Hypothesis {
+    pub what: String,
+    pub probability: f64,
+    /// The mass of the whole object if this is what it is; holds the truth in nine of ten cases, as the model believes.
+    pub mass_kg: Range,
+}
+
+/// Regions that are one piece of one material.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Piece {
+    /// The ids of its regions, in order.
+    pub numbers: Vec<u16>,
+    pub caption: String,
+    /// How it may be made, at least one.
+    pub choices: Vec<Choice>,
+}
+
+/// One way in which a piece may be made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Choice {
+    /// The hypotheses under which it may be so, by index.
+    pub under: Vec<usize>,
+    /// Relative to the other choices under the same hypothesis.
+    pub probability: f64,
+    pub answer: Answer,
+}
+
+/// Something that has no region of its own.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Unnumbered {
+    pub what: String,
+    pub probability: f64,
+    /// The panel that shows it, from 0, and its place there, from 0 to 1 from the upper left corner; `None` if none does.
+    pub place: Option<(usize, [f64; 2])>,
+    /// How much heavier it makes the object.
+    pub mass_kg: Range,
+}
+
+impl Recognition {
+    /// Why it cannot be what [`read`] made: a work folder may come from anyone.
+    pub fn problem(&self) -> Option<String> {
+        let hypotheses = self.hypotheses.len();
+        let mut numbers = BTreeSet::new();
+        let is_whole = |piece: &Piece| {
+            let is_known = |choice: &Choice| choice.under.iter().all(|&of| of < hypotheses) && choice.probability.is_finite();
+            !piece.choices.is_empty() && piece.choices.iter().all(is_known)
+        };
+        let are_masses = |mass: Range| mass.low > 0.0 && mass.low <= mass.high && mass.high.is_finite();
+        if hypotheses == 0 || !self.pieces.iter().all(is_whole) {
+            return Some("it has no hypothesis, or a piece without a choice".to_owned());
+        }
+        if !self.pieces.iter().flat_map(|piece| &piece.numbers).all(|number| numbers.insert(*number)) {
+            return Some("a region is in two of its pieces".to_owned());
+        }
+        let masses = self.hypotheses.iter().map(|of| of.mass_kg).chain(self.unnumbered.iter().map(|of| of.mass_kg));
+        (!masses.into_iter().all(are_masses)).then(|| "a mass in it is impossible".to_owned())
+    }
+
+    /// For each region, the first region of its piece, by which the piece goes.
+    pub fn first_of_piece(&self) -> BTreeMap<u16, u16> {
+        let of_piece = |piece: &Piece| {
+            let first = piece.numbers.first().copied();
+            piece.numbers.iter().filter_map(|number| Some((*number, first?))).collect::<Vec<_>>()
+        };
+        self.pieces.iter().flat_map(of_piece).collect()
+    }
+}
+
+impl Piece {
+    /// The probability of each choice under a hypothesis: 0 for those that it excludes, and all of them as they are if it
+    /// excludes all.
+    pub fn probabilities(&self, hypothesis: usize) -> Vec<f64> {
+        let of = |choice: &Choice| if choice.under.contains(&hypothesis) { choice.probability } else { 0.0 };
+        normalized(self.choices.iter().map(of).collect())
+            .or_else(|| normalized(self.choices.iter().map(|choice| choice.probability).collect()))
+            .unwrap_or_else(|| vec![1.0 / self.choices.len() as f64; self.choices.len()])
+    }
+
+    /// The index of the choice that is the most probable, over all hypotheses.
+    pub fn most_probable(&self, hypotheses: &[Hypothesis]) -> usize {
+        let mut total = vec![0.0; self.choices.len()];
+        for (index, hypothesis) in hypotheses.iter().enumerate() {
+            let under = self.probabilities(index);
+            total.iter_mut().zip(under).for_each(|(total, under)| *total += hypothesis.probability * under);
+        }
+        (0..total.len()).rev().max_by(|a, b| total[*a].total_cmp(&total[*b])).unwrap_or(0)
+    }
+}
+
+/// Weights as probabilities; `None` if they add up to nothing.
+fn normalized(weights: Vec<f64>) -> Option<Vec<f64>> {
+    let sum: f64 = weights.iter().sum();
+    (sum > 0.0).then(|| weights.into_iter().map(|weight| weight / sum).collect())
+}
+
+/// The fields of `prompts/object.schema.json`, in its units.
+#[derive(Debug, Deserialize)]
+struct Written {
+    object: String,
+    printed: Option<String>,
+    printed_mass_g: Option<f64>,
+    printed_volume_ml: Option<f64>,
+    hypotheses: Vec<WrittenHypothesis>,
+    pieces: Vec<WrittenPiece>,
+    unnumbered: Vec<WrittenUnnumbered>,
+}
+
+#[derive(Debug, Deserialize)]
+struct WrittenHypothesis {
+    what: String,
+    probability: f64,
+    mass_g: Range,
+}
+
+#[derive(Debug, Deserialize)]
+struct WrittenPiece {
+    numbers: Vec<u16>,
+    caption: String,
+    choices: Vec<WrittenChoice>,
+}
+
+#[derive(Debug, Deserialize)]
+struct WrittenChoice {
+    under: Vec<usize>,
+    probability: f64,
+    family: String,
+    material: String,
+    form: WrittenForm,
+    wall_thickness_mm: Option<Range>,
+    inside: Option<WrittenInside>,
+    filling: Option<String>,
+    fill_share: Option<Range>,
+    filling_density_kg_m3: Option<Range>,
+    bulk_density_kg_m3: Option<Range>,
+}
+
+#[derive(Debug, Deserialize)]
+struct WrittenUnnumbered {
+    what: String,
+    probability: f64,
+    panel: Option<String>,
+    at: Option<[f64; 2]>,
+    mass_g: Range,
+}
+
+/// Reads an answer that follows the schema, to a question about these region `numbers`.
+///
+/// # Errors
+/// What the model has to correct.
+pub fn read(value: Value, numbers: &[u16], library: &MaterialLibrary) -> Result<Recognition, Problem> {
+    let written: Written = serde_json::from_value(value).map_err(|error| Problem::invalid(format!("{error}.")))?;
+    let hypotheses = hypotheses(&written.hypotheses)?;
+    check_numbers(&written.pieces, numbers)?;
+    let pieces = written.pieces.iter().map(|piece| self::piece(piece, hypotheses.len(), library));
+    Ok(Recognition {
+        object: written.object.trim().to_owned(),
+        printed: printed(&written),
+        pieces: pieces.collect::<Result<_, _>>()?,
+        unnumbered: written.unnumbered.iter().map(unnumbered).collect::<Result<_, _>>()?,
+        hypotheses,
+    })
+}
+
+fn hypotheses(written: &[WrittenHypothesis]) -> Result<Vec<Hypothesis>, Problem> {
+    let probabilities = written.iter().map(|hypothesis| hypothesis.probability.max(0.0)).collect();
+    let probabilities = normalized(probabilities)
+        .ok_or_else(|| Problem::invalid("hypotheses: their probabilities have to add up to 1.".to_owned()))?;
+    let read = |(written, probability): (&WrittenHypothesis, f64)| {
+        let mass_kg = possible(&MASS, written.mass_g, &mut Vec::new())?;
+        Ok(Hypothesis { what: written.what.trim().to_owned(), probability, mass_kg })
+    };
+    written.iter().zip(probabilities).map(read).collect()
+}
+
+/// Checks that every region is in exactly one piece.
+fn check_numbers(pieces: &[WrittenPiece], numbers: &[u16]) -> Result<(), Problem> {
+    let mut left: BTreeSet<u16> = numbers.iter().copied().collect();
+    for number in pieces.iter().flat_map(|piece| &piece.numbers) {
+        if !left.remove(number) {
+            let problem = if numbers.contains(number) { "is in two pieces" } else { "is not in the picture" };
+            return Err(Problem::invalid(format!("pieces: number {number} {problem}.")));
+        }
+    }
+    if left.is_empty() {
+        return Ok(());
+    }
+    let left: Vec<String> = left.iter().map(u16::to_string).collect();
+    Err(Problem::invalid(format!("pieces: give each of the numbers {} to a piece.", left.join(", "))))
+}
+
+fn piece(written: &WrittenPiece, hypotheses: usize, library: &MaterialLibrary) -> Result<Piece, Problem> {
+    let mut numbers = written.numbers.clone();
+    numbers.sort_unstable();
+    let caption = written.caption.trim();
+    let choices = written.choices.iter().map(|choice| self::choice(choice, caption, hypotheses, library));
+    Ok(Piece { numbers, caption: caption.to_owned(), choices: choices.collect::<Result<_, _>>()? })
+}
+
+fn choice(
+    written: &WrittenChoice,
+    caption: &str,
+    hypotheses: usize,
+    library: &MaterialLibrary,
+) -> Result<Choice, Problem> {
+    let mut flags = Vec::new();
+    let material = material(written, library, &mut flags)?;
+    let form = form(written, &mut flags)?;
+    let inside = match form {
+        Form::Shell { .. } => Some(inside(written, library, &mut flags)?),
+        Form::Solid | Form::Mixed => None,
+    };
+    let bulk = written.bulk_density_kg_m3.filter(|_| form == Form::Mixed);
+    let density_kg_m3 = bulk.map_or(Ok(material.density_kg_m3), |said| possible(&BULK_DENSITY, said, &mut flags))?;
+    // The model counts from 1.
+    let under: Vec<usize> = written.under.iter().filter_map(|place| place.checked_sub(1)).collect();
+    if let Some(place) = under.iter().find(|place| **place >= hypotheses) {
+        return Err(Problem::invalid(format!("under: there is no hypothesis {}.", place + 1)));
+    }
+    Ok(Choice {
+        under: if under.is_empty() { (0..hypotheses).collect() } else { under },
+        probability: written.probability.clamp(0.0, 1.0),
+        answer: Answer {
+            caption: caption.to_owned(),
+            density_kg_m3,
+            form,
+            inside,
+            bulk_reason: bulk.map(|_| "as a whole, with all gaps".to_owned()),
+            confidence: written.probability.clamp(0.0, 1.0),
+            flags,
+            ..Answer::of(material)
+        },
+    })
+}
+
+/// The row of the library that is meant: the model has not seen its names.
+fn material<'a>(
+    written: &WrittenChoice,
+    library: &'a MaterialLibrary,
+    flags: &mut Vec<String>,
+) -> Result<&'a Material, Problem> {
+    let name = written.material.trim();
+    let family = library.family(&written.family).ok_or_else(|| {
+        Problem::invalid(format!("the family {:?} is not in the list. Copy a name from the list exactly.", written.family))
+    })?;
+    if let Some(exact) = library.get(name).filter(|material| material.family == family.name) {
+        return Ok(exact);
+    }
+    let nearest = library.nearest_of_family(name, &family.name).filter(|(_, likeness)| *likeness >= LIKENESS);
+    let (found, likeness) = nearest.ok_or_else(|| Problem {
+        reason: format!(
+            "the material {name:?} is not known among those of the family {}. Give a more usual name, such as {:?}.",
+            family.name,
+            library.of_family(&family.name).next().map_or("", |material| material.name.as_str())
+        ),
+        failure: Failure::UnknownMaterial { material: name.to_owned() },
+    })?;
+    if fold(&found.name) != fold(name) {
+        flags.push(format!("{name:?} is taken for {} (similarity {likeness:.2})", found.name));
+    }
+    Ok(found)
+}
+
+fn form(written: &WrittenChoice, flags: &mut Vec<String>) -> Result<Form, Problem> {
+    let lacks = |field: &str| Problem::invalid(format!("{field} is null where form needs it; give it."));
+    Ok(match written.form {
+        WrittenForm::Solid => Form::Solid,
+        WrittenForm::Mixed => {
+            written.bulk_density_kg_m3.ok_or_else(|| lacks("bulk_density_kg_m3"))?;
+            Form::Mixed
+        }
+        WrittenForm::Shell => {
+            let said = written.wall_thickness_mm.ok_or_else(|| lacks("wall_thickness_mm"))?;
+            Form::Shell { wall_thickness_m: possible(&WALL_THICKNESS, said, flags)? }
+        }
+    })
+}
+
+fn inside(written: &WrittenChoice, library: &MaterialLibrary, flags: &mut Vec<String>) -> Result<Inside, Problem> {
+    match written.inside {
+        None | Some(WrittenInside::Unknown) => return Ok(Inside::Unknown),
+        Some(WrittenInside::Empty) => return Ok(Inside::Empty),
+        Some(WrittenInside::Filled) => {}
+    }
+    let lacks = |field: &str| Problem::invalid(format!("inside is \"filled\" but {field} is null; give it."));
+    let name = written.filling.as_deref().ok_or_else(|| lacks("filling"))?;
+    let filling = library.filling(name).ok_or_else(|| {
+        Problem::invalid(format!("the filling {name:?} is not in the list. Copy a name from the list exactly."))
+    })?;
+    let share = possible(&FILL_SHARE, written.fill_share.ok_or_else(|| lacks("fill_share"))?, flags)?;
+    let said = written.filling_density_kg_m3.map(|said| possible(&FILLING_DENSITY, said, flags)).transpose()?;
+    Ok(Inside::Filled { filling: filling.name.clone(), share, density_kg_m3: said })
+}
+
+fn printed(written: &Written) -> Option<Printed> {
+    let text = written.printed.as_deref().map(str::trim).filter(|text| !text.is_empty())?;
+    let amount = |value: Option<f64>, unit: f64| value.filter(|value| *value > 0.0).map(|value| value * unit);
+    Some(Printed {
+        text: text.to_owned(),
+        mass_kg: amount(written.printed_mass_g, KG_PER_G),
+        volume_m3: amount(written.printed_volume_ml, M3_PER_ML),
+    })
+}
+
+fn unnumbered(written: &WrittenUnnumbered) -> Result<Unnumbered, Problem> {
+    let panel = written.panel.as_deref().and_then(|letter| "ABCD".find(letter));
+    // Nothing may add next to nothing, so a range may begin at 0.
+    let said = in_order(MASS.name, written.mass_g, &mut Vec::new());
+    let mass_kg = possible(&MASS, Range::new(said.low, said.high.max(MASS.bounds.low / KG_PER_G * 2.0)), &mut Vec::new())?;
+    Ok(Unnumbered {
+        what: written.what.trim().to_owned(),
+        probability: written.probability.clamp(0.0, 1.0),
+        place: panel.zip(written.at.map(|at| at.map(|share| share.clamp(0.0, 1.0)))),
+        mass_kg,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn choice(under: &[usize], probability: f64, material: &str) -> Value {
+        json!({
+            "under": under, "probability": probability, "family": "metal", "material": material, "form": "solid",
+            "wall_thickness_mm": null, "inside": null, "filling": null, "fill_share": null,
+            "filling_density_kg_m3": null, "bulk_density_kg_m3": null,
+        })
+    }
+
+    fn answer(pieces: Value) -> Value {
+        json!({
+            "object": "a spoon", "printed": " NET WT 305 g ", "printed_mass_g": 305, "printed_volume_ml": null,
+            "hypotheses": [
+                { "what": "steel", "probability": 0.9, "mass_g": [30, 50] },
+                { "what": "aluminium", "probability": 0.3, "mass_g": [10, 20] },
+            ],
+            "pieces": pieces, "unnumbered": [{
+                "what": "a core", "probability": 0.5, "panel": "B", "at": [0.2, 1.4], "mass_g": [0, 5],
+            }],
+        })
+    }
+
+    fn read(value: Value) -> Result<Recognition, Problem> {
+        super::read(value, &[1, 2], &MaterialLibrary::builtin())
+    }
+
+    #[test]
+    fn probabilities_add_up_and_units_are_si() {
+        let choices = json!([choice(&[1], 0.8, "stainless steel 304"), choice(&[2], 0.4, "aluminium 6061-t6")]);
+        let said = read(answer(json!([{ "numbers": [2, 1], "caption": "all of it", "choices": choices }]))).unwrap();
+        assert!((said.hypotheses[0].probability - 0.75).abs() < 1e-12, "{:?}", said.hypotheses);
+        assert_eq!(said.hypotheses[1].mass_kg, Range::new(0.01, 0.02));
+        assert_eq!(said.printed.as_ref().unwrap().mass_kg, Some(0.305));
+        assert_eq!(said.unnumbered[0].place, Some((1, [0.2, 1.0])));
+        let piece = &said.pieces[0];
+        assert_eq!(piece.numbers, [1, 2]);
+        assert_eq!([piece.probabilities(0), piece.probabilities(1)], [[1.0, 0.0], [0.0, 1.0]]);
+        assert_eq!(piece.most_probable(&said.hypotheses), 0);
+        assert!(piece.choices.iter().all(|choice| choice.answer.family == "metal"), "{piece:?}");
+    }
+
+    #[test]
+    fn every_region_belongs_to_exactly_one_piece() {
+        let piece = |numbers: &[u16]| json!({ "numbers": numbers, "caption": "x", "choices": [choice(&[], 1.0, "steel")] });
+        let problem = |pieces: Value| read(answer(pieces)).unwrap_err().reason;
+        assert!(problem(json!([piece(&[1])])).contains("each of the numbers 2"));
+        assert!(problem(json!([piece(&[1, 2]), piece(&[2])])).contains("2 is in two pieces"));
+        assert!(problem(json!([piece(&[1, 2, 7])])).contains("7 is not in the picture"));
+        assert!(problem(json!([{ "numbers": [1, 2], "caption": "x", "choices": [choice(&[3], 1.0, "steel")] }])).contains("no hypothesis 3"));
+    }
+}

@@ -1,0 +1,41 @@
+//! What the object is, and what its parts are made of: one question about the whole object, with all of its regions
+//! numbered in one picture from several sides. It is asked with `--ask object`.
+
+use super::whole::{Purpose, WHOLE, WholeQuestion};
+use crate::materials::MaterialLibrary;
+use crate::query::answer::recognition::{self, Recognition};
+use crate::query::options::Options;
+use crate::query::question::prompt::{PromptError, Prompts};
+use crate::query::question::schema::Schema;
+use crate::query::question::sheet::Sheet;
+pub use crate::query::question::sheet::sides::Side;
+use crate::query::question::shown_subject::ShownSubject;
+use crate::query::question::{Question, by_kind};
+use crate::query::recorded::Mask;
+
+/// The question about the object that `sides` show. The answer has to give every one of `numbers` to a piece.
+///
+/// # Errors
+/// If the user's prompt or schema cannot be used.
+///
+/// # Panics
+/// If there is no side.
+pub fn question(
+    sides: &[Side],
+    numbers: Vec<u16>,
+    outer_size: Option<&str>,
+    prompts: &Prompts,
+    library: MaterialLibrary,
+    options: &Options,
+) -> Result<WholeQuestion<Recognition>, PromptError> {
+    let Side { view, photo, map } = sides[0];
+    let mask = map.map_or_else(|| Mask::of_foreground(&photo.foreground), Mask::of_regions);
+    let sheet = Sheet::of_sides(sides, outer_size, options.sheet_size);
+    let shown = ShownSubject::new(view, WHOLE, photo, mask, &sheet);
+    let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
+    let prompt = prompts.object(&families.join("; "), &by_kind(&library))?;
+    let (file, schema) = prompts.object_schema();
+    let question = Question::new(prompt, Schema::new(file, schema.clone(), &[], &[])?);
+    let read = move |value| recognition::read(value, &numbers, &library);
+    Ok(WholeQuestion::new(Purpose::Recognition, shown, question, read))
+}
