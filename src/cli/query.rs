@@ -12,8 +12,8 @@ use crate::pipeline::picture::Picture;
 use crate::pipeline::query_session::{Pruned, QuerySession, write_sheets};
 use crate::pipeline::stages::query::{direct_session, session};
 use crate::pipeline::stages::subjects::FoundSubjects;
-use crate::query::{DirectGuess, QueryError, WholeOutcome};
 use crate::query::exchange::{BadLine, Imported};
+use crate::query::{DirectGuess, QueryError, WholeOutcome};
 use crate::words::output::one_line;
 use crate::words::readable::significant;
 use crate::words::shell;
@@ -77,7 +77,8 @@ fn directly(global: &Global, args: &QueryArgs) -> Result<()> {
         return run(global, &session, &action, &format!("gprop query {} --direct", shell::path(&args.scene.scene)));
     }
     let guess = session.direct_guess(&|round| Ok(write_sheets(&open.work, round)?))?;
-    let guess = guess.ok_or_else(|| UsageError("no photo shows the object, so there is nothing to judge".to_owned()))?;
+    let guess =
+        guess.ok_or_else(|| UsageError("no photo shows the object, so there is nothing to judge".to_owned()))?;
     print(global, &guess, || match &guess.outcome {
         WholeOutcome::Answered(DirectGuess { object, mass_kg, .. }) => {
             let [low, mid, high] = [mass_kg.low, mass_kg.mid, mass_kg.high].map(significant);

@@ -62,15 +62,8 @@ mod tests {
 
     #[test]
     fn sides_show_all_parts_and_then_other_directions() {
-        let intrinsics = Intrinsics {
-            width: 4,
-            height: 1,
-            fx: 10.0,
-            fy: 10.0,
-            cx: 2.0,
-            cy: 0.5,
-            distortion: Distortion::default(),
-        };
+        let intrinsics =
+            Intrinsics { width: 4, height: 1, fx: 10.0, fy: 10.0, cx: 2.0, cy: 0.5, distortion: Distortion::default() };
         let camera = |turn_deg: f64| {
             let at = Point3::new(turn_deg.to_radians().cos(), turn_deg.to_radians().sin(), 0.0) * 5.0;
             let camera_from_world = Isometry3::look_at_lh(&at, &Point3::origin(), &Vector3::z());

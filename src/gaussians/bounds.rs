@@ -48,7 +48,7 @@ pub fn longest_side(gaussians: &Gaussians) -> f64 {
 }
 
 /// The sides of a box around the object in scene units, the longest first: of the box of least volume among those along the
-/// world's axes and along the principal axes of the centres.
+/// world's axes, along the principal axes of the centres, and along either of these turned about one of its axes.
 pub fn least_box(gaussians: &Gaussians) -> [f64; 3] {
     let chosen = opaque(gaussians);
     let center = |&i: &usize| gaussians.center(i).coords;
@@ -59,6 +59,7 @@ pub fn least_box(gaussians: &Gaussians) -> [f64; 3] {
     let mean = core.iter().sum::<Vector3<f64>>() / core.len().max(1) as f64;
     let spread: Matrix3<f64> = core.iter().map(|center| (center - mean) * (center - mean).transpose()).sum();
     let boxes = [Matrix3::identity(), spread.symmetric_eigen().eigenvectors].map(|axes| {
+        let axes = turned(axes, &core);
         let mut lengths = sides_along(&axes, gaussians, &chosen).map(|side| side.length);
         lengths.sort_by(|a, b| b.total_cmp(a));
         // Below the precision of positions, a side is as good as none: the volume of a flat object would be zero or rounding
@@ -68,6 +69,40 @@ pub fn least_box(gaussians: &Gaussians) -> [f64; 3] {
     });
     let [along_world, principal] = boxes;
     if principal.0 < along_world.0 { principal.1 } else { along_world.1 }
+}
+
+/// As many points as the best turn is sought for: more would find the same to half a degree.
+const POINTS_TO_TURN: usize = 5000;
+/// A turn is taken only if it makes the box smaller by more than this: an object along its axes stays there.
+const LEAST_GAIN: f64 = 0.02;
+
+/// The axes, turned about one of them so that a box along them around the points is the smallest. The principal axes of a thing
+/// that is as wide as deep, such as a square block, are arbitrary about its length.
+fn turned(axes: Matrix3<f64>, points: &[Vector3<f64>]) -> Matrix3<f64> {
+    let few: Vec<&Vector3<f64>> = points.iter().step_by(points.len() / POINTS_TO_TURN + 1).collect();
+    let length = |along: &Vector3<f64>| {
+        let ends =
+            |(low, high): (f64, f64), point: &&Vector3<f64>| (low.min(along.dot(point)), high.max(along.dot(point)));
+        let (low, high) = few.iter().fold((f64::INFINITY, f64::NEG_INFINITY), ends);
+        (high - low).max(0.0)
+    };
+    let area = |about: usize, degrees: f64| {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let [a, b] = [(about + 1) % 3, (about + 2) % 3].map(|n| axes.column(n).into_owned());
+        let [across, up] = [a * cos + b * sin, b * cos - a * sin];
+        (length(&across) * length(&up), across, up)
+    };
+    let mut best = (1.0 - LEAST_GAIN, axes);
+    for about in 0..3 {
+        let (straight, ..) = area(about, 0.0);
+        for degrees in 1..90 {
+            let (turned, across, up) = area(about, f64::from(degrees));
+            if turned < best.0 * straight {
+                best = (turned / straight, Matrix3::from_columns(&[axes.column(about).into_owned(), across, up]));
+            }
+        }
+    }
+    best.1
 }
 
 /// Share of the centres that are left out at each end of an axis: trained splats have floaters, and one of them would

@@ -39,6 +39,7 @@ use crate::words::output::{agreeing, counted};
 use crate::words::progress::Progress;
 use crate::words::readable::significant;
 use assign::Labelled;
+use belief::Believed;
 pub use belief::{ObjectBelief, Possibilities, Possible};
 pub(crate) use clean::without_floaters;
 use compose::of_mesh::OfMesh;
@@ -52,7 +53,6 @@ pub use grid::{FILLING, Grid, Interior, OUTSIDE, VOID};
 pub use inside::carving_views;
 pub use inside::depth_view::DepthView;
 use inside::{grid_around, inside};
-use belief::Believed;
 use mass::bodies::Bodies;
 use mass::moments::Moments;
 pub use mass::unknowns::Source;
@@ -198,7 +198,8 @@ pub fn parts_of_mesh<'a>(
     let thickness = of_cells.into_iter().enumerate().map(|(label, of_cells)| of_mesh.thickness(label, of_cells));
     let thickness = thickness.collect();
     let evidence = Evidence { uncertainty: 0.0, wires, mesh: Some(of_mesh) };
-    let mut result = weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, known.into(), options)?;
+    let mut result =
+        weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, known.into(), options)?;
     result.warn(mesh.solid.doubts.iter().map(|doubt| format!("the mesh: {doubt}")));
     Ok(result)
 }

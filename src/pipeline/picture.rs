@@ -117,7 +117,13 @@ impl Picture {
         let home = self.work.root();
         let (query, network) = (&self.options.query, self.options.setup.network());
         check_recordings(query, home, &self.work, self.options.scene.read_scope(home))?;
-        let subjects = Subjects { views: vec![view], subjects, ask_views: 1, about: AskAbout::Segments, whole: WholeViews::default() };
+        let subjects = Subjects {
+            views: vec![view],
+            subjects,
+            ask_views: 1,
+            about: AskAbout::Segments,
+            whole: WholeViews::default(),
+        };
         QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
     }
 

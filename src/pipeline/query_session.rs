@@ -21,8 +21,8 @@ use crate::query::client::{self, ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Imported};
 use crate::query::recorded::{Answerer, Recordings};
 use crate::query::{
-    Answers, AnyWholeQuestion, DirectGuess, Options, Outcome, Piece, Preview, Prompts, Purpose, Queries, Recognition, ShownSubject,
-    Side, Size, SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeQuestion,
+    Answers, AnyWholeQuestion, DirectGuess, Options, Outcome, Piece, Preview, Prompts, Purpose, Queries, Recognition,
+    ShownSubject, Side, Size, SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeQuestion,
 };
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
@@ -267,7 +267,8 @@ impl<'a> QuerySession<'a> {
         let spent = budget.spent();
         if spent.requests > 0 {
             let (failed, all) = (answers.failed().count(), answers.all.len());
-            let about = if recognized.is_some() { String::new() } else { format!("; {failed} of {all} questions failed") };
+            let about =
+                if recognized.is_some() { String::new() } else { format!("; {failed} of {all} questions failed") };
             progress::notice(&format!("asked: {spent}{about}"));
         }
         Ok(Answered { answers, size, recognition })
@@ -412,11 +413,7 @@ impl AboutWhole {
         });
         let sides: Vec<Side> = asked.direct.iter().map(side).collect();
         let direct = (!sides.is_empty()).then(|| direct::question(&sides, outer_size, prompts, options));
-        Ok(Self {
-            size: size.transpose()?,
-            recognition: recognition.transpose()?,
-            direct: direct.transpose()?,
-        })
+        Ok(Self { size: size.transpose()?, recognition: recognition.transpose()?, direct: direct.transpose()? })
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn AnyWholeQuestion> {

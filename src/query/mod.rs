@@ -18,11 +18,11 @@ pub mod recorded;
 
 pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};
-pub use ask::queries::{Queries, ViewSubjects};
-pub use ask::run::{Preview, Run};
 pub use answer::recognition::{Choice, Hypothesis, Piece, Printed, Recognition, Unnumbered};
 pub use ask::direct::DirectGuess;
+pub use ask::queries::{Queries, ViewSubjects};
 pub use ask::recognition::Side;
+pub use ask::run::{Preview, Run};
 pub use ask::size::Size;
 pub use ask::whole::{AnyWholeQuestion, Purpose, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion};
 pub use error::{InVain, MissingAnswer, QueryError};

@@ -32,7 +32,14 @@ pub fn sentences(parts: &Parts) -> Vec<String> {
     let estimated = parts.estimated_scale.as_ref();
     let estimated = estimated.map(|source| format!("All lengths and masses follow from a scale that is {source}."));
     let believed = parts.belief.iter().flat_map(beliefs);
-    estimated.into_iter().chain(weighed).chain(believed).chain(fillings).chain(causes(parts)).chain(remedy(parts)).collect()
+    estimated
+        .into_iter()
+        .chain(weighed)
+        .chain(believed)
+        .chain(fillings)
+        .chain(causes(parts))
+        .chain(remedy(parts))
+        .collect()
 }
 
 /// A hypothesis, or a thing that no part shows, is not worth a sentence under this probability.
@@ -47,7 +54,8 @@ fn beliefs(belief: &ObjectBelief) -> Vec<String> {
         Some(format!("{what} ({percent} %: {} kg)", interval(of.mass_kg?, 1.0)))
     });
     let taken: Vec<String> = taken.collect();
-    let printed = belief.printed.iter().map(|text| format!("Printed on it: {text:?}, which gives the weight of its contents."));
+    let printed =
+        belief.printed.iter().map(|text| format!("Printed on it: {text:?}, which gives the weight of its contents."));
     let unshown = belief.unnumbered.iter().filter(|of| of.probability >= WORTH_A_DOUBT).map(|of| {
         let percent = (100.0 * of.probability).round();
         format!("No part shows: {} ({percent} %), {} kg.", of.what, interval(of.mass_kg.into(), 1.0))

@@ -1,4 +1,4 @@
-//! What a stranger sends may be ten times as large: reading it then takes no more than fifteen times as long. Processor time is
+//! What a stranger sends may be ten times as large: reading it then takes no more than twelve times as long. Processor time is
 //! counted, not time on the clock, and a hundredth of a second that any program takes to start does not count.
 
 use std::fmt::Write as _;
@@ -14,9 +14,11 @@ use tempfile::TempDir;
 
 use crate::run::gprop;
 
-/// The most that ten times the input may take, in times of what the input takes: twelve for what is searched in a tree, from a
-/// hundred thousand to a million (n log n), and a quarter for caches that no longer hold it.
-const MOST: f64 = 15.0;
+/// The most that ten times the input may take, in times of what the input takes: that of what is searched in a tree, from a hundred
+/// thousand to a million (n log n).
+const MOST: f64 = 12.0;
+/// Another process on the same core slows a program down, and nothing makes it faster than it is: the least of several times counts.
+const TRIES: usize = 4;
 
 /// Something that a scene folder may have many of.
 struct Kind {
@@ -116,7 +118,7 @@ fn ascii_ply(folder: &Path, count: usize) {
 
 #[test]
 #[ignore = "takes minutes: files of megabytes; .ci/run runs it"]
-fn ten_times_as_much_of_anything_takes_fifteen_times_as_long_at_most() {
+fn ten_times_as_much_of_anything_takes_twelve_times_as_long_at_most() {
     let kinds = [
         Kind { name: "Gaussians", count: 100_000, write: |at, n| gaussians(at, n, |_| -4.0), says: "Gaussians" },
         Kind {
@@ -147,11 +149,22 @@ fn ten_times_as_much_of_anything_takes_fifteen_times_as_long_at_most() {
         Kind { name: "points of a COLMAP model", count: 100_000, write: colmap, says: "Gaussians" },
     ];
     for kind in &kinds {
-        let (once, ten_times) = (seconds(kind, kind.count), seconds(kind, 10 * kind.count));
+        let (mut once, mut ten_times) = (f64::INFINITY, f64::INFINITY);
+        for _ in 0..TRIES {
+            once = once.min(seconds(kind, kind.count));
+            ten_times = ten_times.min(seconds(kind, 10 * kind.count));
+            if is_in_time(once, ten_times) {
+                break;
+            }
+        }
         println!("{}: {once:.2} s, {ten_times:.2} s of ten times as many", kind.name);
-        // Starting takes a hundredth of a second, whatever there is to read.
-        assert!(ten_times <= MOST * once.max(0.01), "{}: {once} s, then {ten_times} s", kind.name);
+        assert!(is_in_time(once, ten_times), "{}: {once} s, then {ten_times} s", kind.name);
     }
+}
+
+fn is_in_time(once: f64, ten_times: f64) -> bool {
+    // Starting takes a hundredth of a second, whatever there is to read.
+    ten_times <= MOST * once.max(0.01)
 }
 
 /// Four Chinese numerals for each number.

@@ -359,7 +359,10 @@ fn what_is_inside_a_shell_is_read_and_checked() {
     assert!(read(&shell(json!("filled"), json!("water"), json!([1, 95]))).is_err(), "it would be exactly full");
     assert!(read(&shell(json!("filled"), json!("water"), json!([1, 1]))).is_ok(), "as exact as it was given");
     let too_full = read(&shell(json!("filled"), json!("water"), json!([0.5, 20]))).unwrap();
-    assert_eq!(too_full.inside, Some(Inside::Filled { filling: "water".to_owned(), share: Range::new(0.5, 1.0), density_kg_m3: None }));
+    assert_eq!(
+        too_full.inside,
+        Some(Inside::Filled { filling: "water".to_owned(), share: Range::new(0.5, 1.0), density_kg_m3: None })
+    );
     assert_eq!(too_full.flags.len(), 1, "{:?}", too_full.flags);
     for (answer, named) in [
         (shell(json!("filled"), Value::Null, json!([0.9, 1])), "filling is null"),

@@ -288,7 +288,9 @@ fn label_of(answers: Vec<Answer>) -> FieldLabel {
 fn what_is_inside_is_what_most_answers_say() {
     let form = Form::Shell { wall_thickness_m: Range::new(0.001, 0.002) };
     let says = |inside| changed(answer("wall", 0), |answer| (answer.form, answer.inside) = (form, Some(inside)));
-    let full = |filling: &str, low| says(Inside::Filled { filling: filling.to_owned(), share: Range::new(low, 1.0), density_kg_m3: None });
+    let full = |filling: &str, low| {
+        says(Inside::Filled { filling: filling.to_owned(), share: Range::new(low, 1.0), density_kg_m3: None })
+    };
     let contents = |answers: Vec<Answer>| label_of(answers).inside.unwrap();
 
     let Contents::Filled(filled) = contents(vec![full("sugar", 0.8), full("salt", 0.9), full("salt", 0.7)]) else {

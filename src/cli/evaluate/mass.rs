@@ -28,7 +28,8 @@ pub struct Asked<'a> {
 /// Scores the masses.
 pub fn evaluate(global: &Global, asked: &Asked) -> Result<()> {
     one_scene_only(asked.scenes.len(), asked.out)?;
-    let weights = asked.weights.map(|path| masses::read_weights(path).with_context(|| format!("{path:?}"))).transpose()?;
+    let weights =
+        asked.weights.map(|path| masses::read_weights(path).with_context(|| format!("{path:?}"))).transpose()?;
     let weigh = |scene: &PathBuf| -> Result<Weighed> {
         let parts = Stored::open(scene, asked.out, &[Stage::Parts])?.path(Artifact::Parts);
         let Some(weights) = &weights else { return of_scene(global, scene, &parts, asked) };

@@ -66,7 +66,8 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> Result<()> {
         }
         Evaluate::Mass { scenes, out, weights, beside, allowed, .. } => {
             let allow_read = &allowed.allow_read;
-            let asked = mass::Asked { scenes, out: out.as_deref(), weights: weights.as_deref(), beside: *beside, allow_read };
+            let asked =
+                mass::Asked { scenes, out: out.as_deref(), weights: weights.as_deref(), beside: *beside, allow_read };
             mass::evaluate(global, &asked)
         }
         Evaluate::Hardness { points, out, allowed } => {

@@ -228,8 +228,11 @@ pub fn read_weights(path: &Path) -> Result<BTreeMap<String, f64>, EvaluateError>
     let mut reader = csv::Reader::from_reader(text.as_bytes());
     let row = |(line, row): (u64, Result<WeightLine, csv::Error>)| {
         let message = |error: csv::Error| format!("{error}; the columns are name,mass_kg");
-        row.map(|WeightLine { name, mass_kg }| (name, mass_kg))
-            .map_err(|error| EvaluateError::Row { path: path.to_owned(), line, message: message(error) })
+        row.map(|WeightLine { name, mass_kg }| (name, mass_kg)).map_err(|error| EvaluateError::Row {
+            path: path.to_owned(),
+            line,
+            message: message(error),
+        })
     };
     // The first line has the names of the columns.
     (2..).zip(reader.deserialize()).map(row).collect()

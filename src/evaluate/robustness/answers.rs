@@ -45,7 +45,9 @@ impl Voters<'_> {
         let segments: Vec<ViewSegments> =
             self.views.iter().map(|view| merged(view.segments, self.merged, random)).collect();
         let field = match asked.ask {
-            AskAbout::Object | AskAbout::Parts => self.on_parts(&segments, asked.ask_views.get(), vote, &oracle, random),
+            AskAbout::Object | AskAbout::Parts => {
+                self.on_parts(&segments, asked.ask_views.get(), vote, &oracle, random)
+            }
             AskAbout::Segments => self.on_segments(&segments, vote, &oracle, random),
         }?;
         Ok(oracle.labels(&field))

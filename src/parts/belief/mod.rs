@@ -58,7 +58,8 @@ impl Possibilities {
     pub fn new(recognized: &Recognition, field: &MaterialField, library: &MaterialLibrary) -> Self {
         let hypotheses = &recognized.hypotheses;
         let of_piece = |id: u32, piece: &Piece| -> Vec<Possible> {
-            let under: Vec<Vec<f64>> = (0..hypotheses.len()).map(|hypothesis| piece.probabilities(hypothesis)).collect();
+            let under: Vec<Vec<f64>> =
+                (0..hypotheses.len()).map(|hypothesis| piece.probabilities(hypothesis)).collect();
             let possible = |(choice, answer)| Possible {
                 label: FieldLabel::answered(id, answer, library),
                 under: under.iter().map(|probabilities| probabilities[choice]).collect(),
@@ -292,10 +293,10 @@ fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighe
     let Evidence { possible, weights, label_of, .. } = evidence;
     let labels = possible.of_label.len();
     let mut masses: Vec<[Option<Quantity>; 2]> = vec![[None, None]; labels];
-    for label in 0..labels {
+    for (label, masses) in masses.iter_mut().enumerate() {
         let choice = state.choices[label].min(weights.len() - 1);
         let own = weights[choice].iter().filter(|weight| label_of[weight.of] == label);
-        own.for_each(|weight| masses[label][usize::from(weight.is_filling)] = Some(weight.mass.clone()));
+        own.for_each(|weight| masses[usize::from(weight.is_filling)] = Some(weight.mass.clone()));
     }
     if let Some(contents) = printed_mass(evidence, &state)
         && let Some(filling) = largest_filling(&mut masses)
@@ -426,7 +427,8 @@ fn masses(
         let Estimate { low, mid, high } = given_state[s];
         let belief = Belief::after(unknowns, &all, mid, 0.5 * (high / low).ln());
         for (found, masses) in found.iter_mut().zip(masses) {
-            for (found, mass) in found.iter_mut().zip(masses).filter_map(|(found, mass)| Some((found, mass.as_ref()?))) {
+            for (found, mass) in found.iter_mut().zip(masses).filter_map(|(found, mass)| Some((found, mass.as_ref()?)))
+            {
                 found.push((Spread::of(belief.of(mass)), posterior[s]));
             }
         }
@@ -448,7 +450,8 @@ mod tests {
     fn two_parts() -> (Possibilities, Vec<Vec<Weight>>, Vec<Vec<FieldLabel>>, Unknowns) {
         let library = MaterialLibrary::builtin();
         let label = |id: u32, material: &str| FieldLabel::of(id, library.get(material).unwrap());
-        let possible = |id, material: &str, under: [f64; 2]| Possible { label: label(id, material), under: under.into() };
+        let possible =
+            |id, material: &str, under: [f64; 2]| Possible { label: label(id, material), under: under.into() };
         let hypothesis = |what: &str, probability, low, high| Hypothesis {
             what: what.to_owned(),
             probability,
@@ -471,11 +474,10 @@ mod tests {
             let none = Quantity::default();
             Weight { of, is_filling: false, volume: none.clone(), density: none, mass, wall: None, share: None }
         };
-        let weights = vec![
-            vec![weight(0, 0.6, 0.02), weight(1, 0.1, 0.2)],
-            vec![weight(0, 0.08, 0.05), weight(1, 0.15, 0.05)],
-        ];
-        let labels = (0..2).map(|choice| possible.of_label.iter().map(|of| of[choice].label.clone()).collect()).collect();
+        let weights =
+            vec![vec![weight(0, 0.6, 0.02), weight(1, 0.1, 0.2)], vec![weight(0, 0.08, 0.05), weight(1, 0.15, 0.05)]];
+        let labels =
+            (0..2).map(|choice| possible.of_label.iter().map(|of| of[choice].label.clone()).collect()).collect();
         (possible, weights, labels, unknowns)
     }
 
@@ -490,7 +492,8 @@ mod tests {
         let mut of_mass: Vec<(f64, f64)> = Vec::new();
         for (h, hypothesis) in possible.hypotheses.iter().enumerate() {
             for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                let prior = hypothesis.probability * possible.of_label[0][a].under[h] * possible.of_label[1][b].under[h];
+                let prior =
+                    hypothesis.probability * possible.of_label[0][a].under[h] * possible.of_label[1][b].under[h];
                 let masses = [weights[a][0].mass.clone(), weights[b][1].mass.clone()];
                 let shape = Spread::of(Belief::prior(&unknowns).of_sum(&masses));
                 let stated = Spread::of_range(hypothesis.mass_kg);
@@ -526,8 +529,13 @@ mod tests {
     #[test]
     fn a_reading_decides_between_hypotheses() {
         let (possible, weights, labels, mut unknowns) = two_parts();
-        let evidence =
-            Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg: Some(0.2) };
+        let evidence = Evidence {
+            possible: &possible,
+            weights: &weights,
+            labels: &labels,
+            label_of: &[0, 1],
+            reading_kg: Some(0.2),
+        };
         let believed = believe(&evidence, &mut unknowns);
         assert!(believed.object.hypotheses[1].probability > 0.95, "{:?}", believed.object);
         assert_eq!(believed.taken[0], Some(1), "steel would be too heavy");
@@ -554,8 +562,13 @@ mod tests {
         let printed = Printed { text: "NET WT 500 g".to_owned(), mass_kg: Some(0.5), volume_m3: None };
         let mut weigh = |printed: Option<Printed>| {
             let possible = Possibilities { printed, ..possible.clone() };
-            let evidence =
-                Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg: None };
+            let evidence = Evidence {
+                possible: &possible,
+                weights: &weights,
+                labels: &labels,
+                label_of: &[0, 1],
+                reading_kg: None,
+            };
             believe(&evidence, &mut unknowns)
         };
         let (guessed, read) = (weigh(None), weigh(Some(printed)));

@@ -101,7 +101,8 @@ mod tests {
         assert!(states.is_sorted_by(|a, b| a.probability >= b.probability));
         assert_eq!((states[0].hypothesis, &*states[0].choices), (1, &[0, 2][..]));
         for state in &states {
-            let share: f64 = state.choices.iter().zip(&pieces).map(|(choice, piece)| piece[state.hypothesis][*choice]).product();
+            let share: f64 =
+                state.choices.iter().zip(&pieces).map(|(choice, piece)| piece[state.hypothesis][*choice]).product();
             let expected = [0.6, 0.4][state.hypothesis] * share;
             assert!((state.probability - expected).abs() < 1e-12, "{state:?}");
         }

@@ -6,20 +6,20 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use crate::error::Result;
-use crate::query::{
-    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Purpose, Recognition, Size, SubjectAnswer, SubjectId,
-    WholeAnswer, WholeOutcome,
-};
 use crate::camera::Camera;
 use crate::consensus::{self, AskAbout};
+use crate::error::Result;
 use crate::gaussians::bounds::least_box;
+use crate::query::{
+    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Purpose, Recognition, Size, SubjectAnswer,
+    SubjectId, WholeAnswer, WholeOutcome,
+};
 use crate::scene::{ScaleChoice, Scene, View};
 use crate::segment::LabelMap;
-use crate::words::readable::significant;
 use crate::units::{MetricScale, Range};
 use crate::words::output::{agreeing, counted};
 use crate::words::part_name::part_name;
+use crate::words::readable::significant;
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::scene;
@@ -92,7 +92,9 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
             work.write_json(Artifact::Object, recognition)?;
             outputs.extend([Artifact::Object, whole_sheet(Purpose::Recognition, &recognition.view)]);
             if let WholeOutcome::Failed(failure) = &recognition.outcome {
-                warnings.push(format!("the model did not say what the object is, so its parts were asked about: {failure}"));
+                warnings.push(format!(
+                    "the model did not say what the object is, so its parts were asked about: {failure}"
+                ));
             }
         }
         None => {
@@ -193,7 +195,7 @@ pub fn session<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a O
 
 /// The question for the mass of the object alone, as the photos show it.
 pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
-    let view = |view: &'a View| Ok(QueryView { name: &*view.name, photo: open.photo(view)?, maps: Vec::new() });
+    let view = |view: &'a View| Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: Vec::new() });
     let views = open.views.iter().map(view).collect::<Result<_>>()?;
     let direct = sides(open, &vec![&LabelMap::default(); open.views.len()], SIDES_OF_GUESS);
     let whole = WholeViews { direct, outer_size: outer_size(open), ..WholeViews::default() };

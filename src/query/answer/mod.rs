@@ -227,7 +227,11 @@ fn inside(written: &Written, library: &MaterialLibrary, flags: &mut Vec<String>)
         Problem::invalid(format!("the filling {name:?} is not in the list. Copy a name from the list exactly."))
     })?;
     let said = written.fill_share.ok_or_else(|| lacking("fill_share"))?;
-    Ok(Inside::Filled { filling: filling.name.clone(), share: possible(&FILL_SHARE, said, flags)?, density_kg_m3: None })
+    Ok(Inside::Filled {
+        filling: filling.name.clone(),
+        share: possible(&FILL_SHARE, said, flags)?,
+        density_kg_m3: None,
+    })
 }
 
 /// The density of a part. The density of a mixed part is that of the whole, which no material of the library bounds.

@@ -7,7 +7,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    BULK_DENSITY, FILL_SHARE, LIKENESS, Problem, Quantity, WALL_THICKNESS, WrittenForm, WrittenInside, in_order, possible,
+    BULK_DENSITY, FILL_SHARE, LIKENESS, Problem, Quantity, WALL_THICKNESS, WrittenForm, WrittenInside, in_order,
+    possible,
 };
 use crate::materials::{Material, MaterialLibrary, fold};
 use crate::query::{Answer, Failure, Form, Inside};
@@ -16,8 +17,13 @@ use crate::units::Range;
 const KG_PER_G: f64 = 1e-3;
 const M3_PER_ML: f64 = 1e-6;
 /// From a milligram to a thousand tonnes, as for a kitchen scale's reading.
-const MASS: Quantity =
-    Quantity { field: "mass_g", name: "mass in kg", what: "a mass in g", unit: KG_PER_G, bounds: Range::new(1e-6, 1e6) };
+const MASS: Quantity = Quantity {
+    field: "mass_g",
+    name: "mass in kg",
+    what: "a mass in g",
+    unit: KG_PER_G,
+    bounds: Range::new(1e-6, 1e6),
+};
 /// Lighter fillings than feathers and denser ones than lead shot do not occur.
 const FILLING_DENSITY: Quantity = Quantity {
     field: "filling_density_kg_m3",
@@ -97,7 +103,8 @@ impl Recognition {
         let hypotheses = self.hypotheses.len();
         let mut numbers = BTreeSet::new();
         let is_whole = |piece: &Piece| {
-            let is_known = |choice: &Choice| choice.under.iter().all(|&of| of < hypotheses) && choice.probability.is_finite();
+            let is_known =
+                |choice: &Choice| choice.under.iter().all(|&of| of < hypotheses) && choice.probability.is_finite();
             !piece.choices.is_empty() && piece.choices.iter().all(is_known)
         };
         let are_masses = |mass: Range| mass.low > 0.0 && mass.low <= mass.high && mass.high.is_finite();
@@ -295,7 +302,10 @@ fn material<'a>(
 ) -> Result<&'a Material, Problem> {
     let name = written.material.trim();
     let family = library.family(&written.family).ok_or_else(|| {
-        Problem::invalid(format!("the family {:?} is not in the list. Copy a name from the list exactly.", written.family))
+        Problem::invalid(format!(
+            "the family {:?} is not in the list. Copy a name from the list exactly.",
+            written.family
+        ))
     })?;
     if let Some(exact) = library.get(name).filter(|material| material.family == family.name) {
         return Ok(exact);
@@ -360,7 +370,8 @@ fn unnumbered(written: &WrittenUnnumbered) -> Result<Unnumbered, Problem> {
     let panel = written.panel.as_deref().and_then(|letter| "ABCD".find(letter));
     // Nothing may add next to nothing, so a range may begin at 0.
     let said = in_order(MASS.name, written.mass_g, &mut Vec::new());
-    let mass_kg = possible(&MASS, Range::new(said.low, said.high.max(MASS.bounds.low / KG_PER_G * 2.0)), &mut Vec::new())?;
+    let mass_kg =
+        possible(&MASS, Range::new(said.low, said.high.max(MASS.bounds.low / KG_PER_G * 2.0)), &mut Vec::new())?;
     Ok(Unnumbered {
         what: written.what.trim().to_owned(),
         probability: written.probability.clamp(0.0, 1.0),
@@ -396,7 +407,7 @@ mod tests {
     }
 
     fn read(value: Value) -> Result<Recognition, Problem> {
-        super::read(value, &[1, 2], &MaterialLibrary::builtin())
+        super::read(value, &[1, 2], MaterialLibrary::builtin())
     }
 
     #[test]
@@ -416,11 +427,15 @@ mod tests {
 
     #[test]
     fn every_region_belongs_to_exactly_one_piece() {
-        let piece = |numbers: &[u16]| json!({ "numbers": numbers, "caption": "x", "choices": [choice(&[], 1.0, "steel")] });
+        let piece =
+            |numbers: &[u16]| json!({ "numbers": numbers, "caption": "x", "choices": [choice(&[], 1.0, "steel")] });
         let problem = |pieces: Value| read(answer(pieces)).unwrap_err().reason;
         assert!(problem(json!([piece(&[1])])).contains("each of the numbers 2"));
         assert!(problem(json!([piece(&[1, 2]), piece(&[2])])).contains("2 is in two pieces"));
         assert!(problem(json!([piece(&[1, 2, 7])])).contains("7 is not in the picture"));
-        assert!(problem(json!([{ "numbers": [1, 2], "caption": "x", "choices": [choice(&[3], 1.0, "steel")] }])).contains("no hypothesis 3"));
+        assert!(
+            problem(json!([{ "numbers": [1, 2], "caption": "x", "choices": [choice(&[3], 1.0, "steel")] }]))
+                .contains("no hypothesis 3")
+        );
     }
 }

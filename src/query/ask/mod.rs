@@ -4,8 +4,8 @@
 pub mod asker;
 pub mod budget;
 pub mod cost;
-pub(super) mod live;
 pub mod direct;
+pub(super) mod live;
 pub(super) mod queries;
 pub mod recognition;
 pub(super) mod replay;

@@ -18,7 +18,8 @@ const schemaOf = (query) => texts[query.text].schema;
 const namesOf = (query) => { const { required, properties } = schemaOf(query); return [...new Set([...required, ...Object.keys(properties)])]; };
 const types = (property) => [].concat(property.type);
 const mayBeNull = (property) => types(property).includes("null");
-const isRange = (property) => types(property).includes("array");
+const isRange = (property) => types(property).includes("array") && types(property.items).includes("number");
+const isList = (property) => types(property).includes("array") && !isRange(property);
 const options = (property) => (types(property).includes("boolean") ? [false, true] : (property.enum || []).filter((option) => option !== null));
 const label = (name) => name.replaceAll("_", " ");
 const wordFor = (option) => (option === false ? "no" : option === true ? "yes" : String(option));
@@ -83,14 +84,28 @@ function textControl(property, value, changed) {
   return input;
 }
 
-function rangeControl(value, changed) {
-  const ends = [0, 1].map((end) => make("input", { type: "text", inputMode: "decimal", value: value?.[end] ?? "", ariaLabel: end ? "highest" : "lowest" }));
+/* A range of two numbers, or of three with the one in the middle. */
+function rangeControl(property, value, changed) {
+  const names = property.minItems === 3 ? ["lowest", "best guess", "highest"] : ["lowest", "highest"];
+  const ends = names.map((name, end) => make("input", { type: "text", inputMode: "decimal", value: value?.[end] ?? "", ariaLabel: name, placeholder: name }));
   const read = () => {
     const range = ends.map((input) => numberFrom(input.value));
     changed(range.includes(undefined) ? undefined : range);
   };
   ends.forEach((input) => input.addEventListener("input", read));
-  return make("span", { className: "range" }, ends[0], "to", ends[1]);
+  return make("span", { className: "range" }, ...ends);
+}
+
+/* A list of objects, written as JSON: its form is in the question. */
+function listControl(value, changed) {
+  const input = make("textarea", { rows: 8, value: value ? JSON.stringify(value, null, 1) : "", placeholder: "a JSON list, as the question below describes it" });
+  input.addEventListener("input", () => {
+    let list;
+    try { list = JSON.parse(input.value); } catch { list = undefined; }
+    input.setCustomValidity(Array.isArray(list) ? "" : "This is not a JSON list.");
+    changed(Array.isArray(list) ? list : undefined);
+  });
+  return input;
 }
 
 function optionsControl(name, property, value, changed) {
@@ -176,7 +191,8 @@ function field(query, name) {
   const control = name === "material" ? materialControl(query, value)
     : name === "filling" ? fillingControl(value, changed)
     : options(property).length ? optionsControl(name, property, value, changed)
-    : isRange(property) ? rangeControl(value, changed)
+    : isList(property) ? listControl(value, changed)
+    : isRange(property) ? rangeControl(property, value, changed)
     : textControl(property, value, changed);
   const row = make("div", { className: "field" }, make("span", {}, label(name)), control);
   row.dataset.name = name;
@@ -186,7 +202,7 @@ function field(query, name) {
 
 // --- Going on.
 
-const stops = () => [...document.querySelectorAll("#fields .field:not([hidden]) :is(input, .options), #done")]
+const stops = () => [...document.querySelectorAll("#fields .field:not([hidden]) :is(input, textarea, .options), #done")]
   .filter((node) => !node.closest("details:not([open])") && !(node.type === "radio"));
 const focusOn = (node) => (node?.classList.contains("options") ? node.querySelector(":checked") || node.querySelector("input") : node)?.focus();
 

@@ -136,7 +136,9 @@ fn material(
         .collect();
     let candidates = candidates.join("\n");
     let (prompt, (file, schema)) = match about {
-        AskAbout::Object | AskAbout::Parts => (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema()),
+        AskAbout::Object | AskAbout::Parts => {
+            (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema())
+        }
         AskAbout::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema()),
     };
     let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
