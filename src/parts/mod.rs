@@ -40,7 +40,7 @@ use crate::words::progress::Progress;
 use crate::words::readable::significant;
 use assign::Labelled;
 use belief::Believed;
-pub use belief::{ObjectBelief, Possibilities, Possible};
+pub use belief::{BelievedChoice, BelievedThing, ObjectBelief, Possibilities, Possible};
 pub(crate) use clean::without_floaters;
 use compose::of_mesh::OfMesh;
 use compose::thickness::{self, Chord};

@@ -24,7 +24,7 @@ pub use cloud::{Cloud, Sphere};
 pub use disagreement::{Disagreement, NamedMaterial};
 pub use motion::Motion;
 pub use page::page;
-pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures};
+pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures, shrink_object};
 pub use summary::{ESTIMATED, grasp_line, mass_line, misfit_line, part_lines, size_line, summary};
 
 /// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its

@@ -34,6 +34,8 @@ pub enum PictureError {
 pub struct Pictures {
     pub views: Vec<ViewPictures>,
     pub sheets: Vec<SheetPicture>,
+    /// The picture of the question what the object is, as JPEG, if that was asked.
+    pub object: Option<Vec<u8>>,
     /// Animated GIF of the simulation.
     pub animation: Vec<u8>,
     /// PNG of the best places to grasp at.
@@ -69,6 +71,18 @@ impl Pictures {
         let view = self.views.iter().find(|drawn| drawn.name == view)?;
         view.part_of_segment.get(&segment).copied()
     }
+}
+
+/// Longest side of the picture with the whole object from several sides: its numbers are still legible.
+const OBJECT_LONGEST_SIDE: u32 = 1200;
+
+/// Shrinks the sheet with the whole object that was sent.
+///
+/// # Errors
+/// If it is not a picture.
+pub fn shrink_object(sheet: &[u8]) -> ImageResult<Vec<u8>> {
+    let picture = ImageReader::with_format(files::picture_of(sheet), ImageFormat::Jpeg).decode()?.into_rgb8();
+    jpeg(&picture, OBJECT_LONGEST_SIDE)
 }
 
 impl SheetPicture {

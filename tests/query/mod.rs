@@ -26,6 +26,7 @@ mod places;
 // Recordings that two runs write, that cannot be written, or for which there is no disk space.
 mod kept;
 mod labels;
+mod object;
 // GPROP_OFFLINE and --offline, tested with sockets.
 pub mod offline;
 mod options;

@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::config::{self, Flag};
 use crate::report::{
     self, AnswerCounts, Cloud, Disagreement, InputFile, Motion, Pictures, Remark, Report, Reproduction, SceneSummary,
-    SheetPicture, StageTime, ViewPictures,
+    SheetPicture, StageTime, ViewPictures, shrink_object,
 };
 use crate::vote::MaterialField;
 use crate::words::readable::hexadecimal;
@@ -78,9 +78,14 @@ fn pictures(open: &OpenScene, answers: &Answers, field: &MaterialField, simulate
         let (view, number) = (answer.view.as_str(), answer.subject.number());
         Ok(SheetPicture::shrink(view, number, &work.read(Artifact::Sheet(view, number))?)?)
     });
+    let object = match recognized {
+        Some(_) => Some(shrink_object(&work.read(Artifact::ObjectSheet)?)?),
+        None => None,
+    };
     Ok(Pictures {
         views: views.collect::<Result<_, _>>()?,
         sheets: sheets.collect::<Result<_>>()?,
+        object,
         animation: if simulates { work.read(Artifact::Animation)? } else { vec![] },
         grasp: grasp::picture(work)?,
     })

@@ -5,6 +5,7 @@
 //! (`scripts/build-viewer`). Captions and names from outside are escaped by the template engine, in HTML and in the
 //! script's JSON.
 
+mod object;
 mod viewer;
 mod views;
 
@@ -59,6 +60,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
         is_metric => report.parts.is_some(),
         weighing => report.parts.as_ref().map(sentences),
+        object => report.parts.as_ref().and_then(|parts| object::object(parts, pictures)),
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => report.simulation.as_ref().map(|run| simulation(run, pictures)),
         views => views::views(pictures, answers),

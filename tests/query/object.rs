@@ -1,0 +1,188 @@
+//! `--ask object`: one question about the whole object, and a belief that weighs its answer against shape and materials.
+
+use std::fs;
+use std::process::Output;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use serde_json::{Value, json};
+
+use super::{a, good_answer_about_part};
+use crate::batch::ball::Balls;
+use crate::run::gprop;
+
+const FEW: &[&str] = &["--frames", "2", "--duration", "0.02", "--grid", "16"];
+
+/// A ball of 20 cm: of solid wood, some three kilograms, or of hollow plastic, a few hundred grams. The model is not sure which.
+fn wood_or_plastic(mass_of_hollow_g: [f64; 2]) -> Value {
+    let choice = |under: usize, family: &str, material: &str, wall: Value| {
+        let is_shell = !wall.is_null();
+        json!({
+            "under": [under], "probability": 1, "family": family, "material": material,
+            "form": if is_shell { "shell" } else { "solid" }, "wall_thickness_mm": wall,
+            "inside": if is_shell { json!("empty") } else { Value::Null }, "filling": null, "fill_share": null,
+            "filling_density_kg_m3": null, "bulk_density_kg_m3": null,
+        })
+    };
+    json!({
+        "object": "a ball", "printed": null, "printed_mass_g": null, "printed_volume_ml": null,
+        "hypotheses": [
+            { "what": "a ball of solid wood", "probability": 0.5, "mass_g": [2000, 4500] },
+            { "what": "a hollow plastic ball", "probability": 0.5, "mass_g": mass_of_hollow_g },
+        ],
+        "pieces": [{
+            "numbers": [1], "caption": "all of the ball",
+            "choices": [
+                choice(1, "wood", "beech, european", Value::Null),
+                choice(2, "thermoplastic", "abs", json!([2, 4])),
+            ],
+        }],
+        "unnumbered": [],
+    })
+}
+
+fn is_about_the_object(request: &Value) -> bool {
+    request.to_string().contains("hypotheses")
+}
+
+/// A ball whose model gives this answer about the object, and the number of requests.
+fn ball(object: Value) -> (Balls, Arc<AtomicUsize>) {
+    let asked = Arc::new(AtomicUsize::new(0));
+    let count = Arc::clone(&asked);
+    let balls = Balls::asked(1, move |request| {
+        count.fetch_add(1, Ordering::SeqCst);
+        if is_about_the_object(request) { object.clone() } else { good_answer_about_part(a("wood")) }
+    });
+    (balls, asked)
+}
+
+fn run(balls: &Balls, more: &[&str]) -> Output {
+    let mut command = gprop();
+    command.env_remove("OPENAI_API_KEY").arg("run").arg(balls.scene(0)).args(["--ask", "object"]);
+    command.args(FEW).args(more).output().unwrap()
+}
+
+fn ask(balls: &Balls, more: &[&str]) -> Output {
+    let server = balls.answers();
+    let more: Vec<&str> = server.iter().map(String::as_str).chain(more.iter().copied()).collect();
+    run(balls, &more)
+}
+
+fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
+fn file(balls: &Balls, name: &str) -> String {
+    fs::read_to_string(balls.scene(0).join("gprop").join(name)).unwrap()
+}
+
+fn parts(balls: &Balls) -> Value {
+    serde_json::from_str(&file(balls, "parts.json")).unwrap()
+}
+
+#[test]
+fn one_question_gives_a_belief_that_everything_after_it_follows() {
+    // The wall that the model describes weighs 250 to 500 g.
+    let (balls, asked) = ball(wood_or_plastic([200.0, 600.0]));
+    let first = ask(&balls, &[]);
+    assert!(first.status.success(), "{}", said(&first));
+    assert_eq!(asked.load(Ordering::SeqCst), 1);
+    assert!(balls.scene(0).join("gprop/sheets/object.jpg").is_file());
+    let found = parts(&balls);
+    let hypotheses = &found["belief"]["hypotheses"];
+    let [wood, plastic] = [0, 1].map(|n| hypotheses[n]["probability"].as_f64().unwrap());
+    assert!(
+        (wood + plastic - 1.0).abs() < 1e-9 && wood > 0.2 && plastic > 0.2,
+        "both weigh what they should: {hypotheses}"
+    );
+    let mass = |of: &Value, end: &str| of["mass_kg"][end].as_f64().unwrap();
+    assert!(
+        mass(&found["object"], "low") < 0.6 && mass(&found["object"], "high") > 2.0,
+        "{}",
+        found["object"]["mass_kg"]
+    );
+    let page = file(&balls, "report.html");
+    assert!(page.contains("a hollow plastic ball") && page.contains("What the object is taken for"));
+    let object: Value = serde_json::from_str(&file(&balls, "object.json")).unwrap();
+    assert_eq!(object["status"], "answered");
+
+    // It is recorded, and a folder of its own gets the same results without a server.
+    let again = balls.scene(0).join("again");
+    let replayed = run(&balls, &["--answers", "replay", "--out", again.to_str().unwrap()]);
+    assert!(replayed.status.success(), "{}", said(&replayed));
+    for name in ["parts.json", "grasp.json", "object.json", "answers.jsonl"] {
+        assert_eq!(fs::read_to_string(again.join(name)).unwrap(), file(&balls, name), "{name}");
+    }
+
+    // A kitchen scale decides what it is; simulation and exports follow.
+    let weighed = run(&balls, &["--answers", "replay", "--known-mass", "400g"]);
+    assert!(weighed.status.success(), "{}", said(&weighed));
+    let found = parts(&balls);
+    assert!(found["belief"]["hypotheses"][1]["probability"].as_f64().unwrap() > 0.95, "{}", found["belief"]);
+    assert_eq!((&found["parts"][0]["material"], &found["parts"][0]["is_wall"]), (&json!("abs"), &json!(true)));
+    let report: Value = serde_json::from_str(&file(&balls, "report.json")).unwrap();
+    assert_eq!(report["labels"][0]["material"], "abs");
+}
+
+#[test]
+fn a_hypothesis_that_does_not_fit_the_shape_loses() {
+    // No wall of two to four millimetres makes such a ball weigh twenty grams.
+    let (balls, _) = ball(wood_or_plastic([15.0, 25.0]));
+    let output = ask(&balls, &["--to", "parts"]);
+    assert!(output.status.success(), "{}", said(&output));
+    let found = parts(&balls);
+    assert!(found["belief"]["hypotheses"][0]["probability"].as_f64().unwrap() > 0.9, "{}", found["belief"]);
+    assert_eq!(found["parts"][0]["material"], "beech, european");
+}
+
+#[test]
+fn an_object_that_is_not_recognized_is_asked_about_part_by_part() {
+    let (balls, asked) = ball(json!({ "object": "no idea" }));
+    let output = ask(&balls, &["--to", "parts"]);
+    assert!(output.status.success(), "{}", said(&output));
+    assert!(said(&output).contains("the model did not say what the object is"), "{}", said(&output));
+    assert!(asked.load(Ordering::SeqCst) > 2, "the question, its correction, and those about the part");
+    assert!(parts(&balls)["belief"].is_null());
+}
+
+#[test]
+fn without_an_answer_the_run_says_how_to_get_one() {
+    let (balls, _) = ball(json!({}));
+    let output = run(&balls, &["--answers", "replay"]);
+    assert_eq!(output.status.code(), Some(5), "{}", said(&output));
+    assert!(said(&output).contains("--ask object --export DIR"), "{}", said(&output));
+}
+
+#[test]
+fn a_direct_guess_is_recorded_and_scored_beside_gprop() {
+    let guess = json!({ "object": "a wooden ball", "clues": "its grain", "mass_g": [2000, 2500, 4000] });
+    let balls = Balls::asked(1, move |request| {
+        match (is_about_the_object(request), request.to_string().contains("best guess")) {
+            (true, _) => wood_or_plastic([200.0, 600.0]),
+            (_, true) => guess.clone(),
+            _ => good_answer_about_part(a("wood")),
+        }
+    });
+    let output = ask(&balls, &["--to", "parts"]);
+    assert!(output.status.success(), "{}", said(&output));
+    let weights = balls.folder().join("weights.csv");
+    fs::write(&weights, "name,mass_kg\nball-0,3.0\n").unwrap();
+    let evaluate = || {
+        let mut command = gprop();
+        command
+            .args(["evaluate", "mass", "--json", "--beside", "direct", "--weights"])
+            .arg(&weights)
+            .arg(balls.scene(0));
+        command.output().unwrap()
+    };
+    let missing = evaluate();
+    assert_eq!(missing.status.code(), Some(5), "{}", said(&missing));
+    let asked = gprop().arg("query").arg(balls.scene(0)).arg("--direct").args(balls.answers()).output().unwrap();
+    assert!(asked.status.success() && said(&asked).contains("direct guess: 2.5 kg"), "{}", said(&asked));
+    let found = evaluate();
+    assert!(found.status.success(), "{}", said(&found));
+    let found: Value = serde_json::from_slice(&found.stdout).unwrap();
+    let error = found["direct"]["alde"].as_f64().unwrap();
+    assert!((error - (3.0_f64 / 2.5).ln()).abs() < 1e-9, "{found}");
+    assert!(found["alde"].as_f64().is_some() && found["direct"]["coverage"] == 1.0, "{found}");
+}
