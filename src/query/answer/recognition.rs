@@ -7,8 +7,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    BULK_DENSITY, FILL_SHARE, LIKENESS, Problem, Quantity, WALL_THICKNESS, WrittenForm, WrittenInside, in_order,
-    possible,
+    BULK_DENSITY, FILL_SHARE, Problem, Quantity, WALL_THICKNESS, WrittenForm, WrittenInside, in_order, possible,
 };
 use crate::materials::{Material, MaterialLibrary, fold};
 use crate::query::{Answer, Failure, Form, Inside};
@@ -310,8 +309,9 @@ fn material<'a>(
     if let Some(exact) = library.get(name).filter(|material| material.family == family.name) {
         return Ok(exact);
     }
-    let nearest = library.nearest_of_family(name, &family.name).filter(|(_, likeness)| *likeness >= LIKENESS);
-    let (found, likeness) = nearest.ok_or_else(|| Problem {
+    // Names are the model's own here, often with words about the part in them: any material of the family that shares a word is
+    // nearer than none.
+    let (found, likeness) = library.nearest_of_family(name, &family.name).ok_or_else(|| Problem {
         reason: format!(
             "the material {name:?} is not known among those of the family {}. Give a more usual name, such as {:?}.",
             family.name,
@@ -423,6 +423,18 @@ mod tests {
         assert_eq!([piece.probabilities(0), piece.probabilities(1)], [[1.0, 0.0], [0.0, 1.0]]);
         assert_eq!(piece.most_probable(&said.hypotheses), 0);
         assert!(piece.choices.iter().all(|choice| choice.answer.family == "metal"), "{piece:?}");
+    }
+
+    #[test]
+    fn a_material_is_found_by_any_word_of_its_family() {
+        let material = |name: &str| {
+            let choices = json!([choice(&[], 1.0, name)]);
+            let said = read(answer(json!([{ "numbers": [1, 2], "caption": "x", "choices": choices }])));
+            said.map(|said| said.pieces[0].choices[0].answer.material.clone()).map_err(|problem| problem.reason)
+        };
+        assert!(material("carbon steel, medium to high carbon (aisi 1060)").unwrap().contains("carbon"));
+        assert!(material("steel chuck body and jaws in a polyamide sleeve").unwrap().contains("steel"));
+        assert!(material("unobtainium").unwrap_err().contains("is not known among those of the family metal"));
     }
 
     #[test]
