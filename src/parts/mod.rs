@@ -40,7 +40,7 @@ use crate::words::progress::Progress;
 use crate::words::readable::significant;
 use assign::Labelled;
 use belief::Believed;
-pub use belief::{BelievedChoice, BelievedThing, ObjectBelief, Possibilities, Possible};
+pub use belief::{Possibilities, Possible};
 pub(crate) use clean::without_floaters;
 use compose::of_mesh::OfMesh;
 use compose::thickness::{self, Chord};
@@ -60,7 +60,10 @@ use mass::unknowns::Unknowns;
 use mass::weights::{self, Weight, Weights};
 use mass::{Body, Weighable};
 pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
-pub use result::{Filling, KnownMass, NoVolume, Object, Part, PartBody, Parts, Width};
+pub use result::{
+    BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, Filling, KnownMass, NoVolume, Object,
+    ObjectBelief, Part, PartBody, Parts, Width,
+};
 
 /// The result of the parts stage.
 #[derive(Debug, Clone, PartialEq)]
@@ -333,7 +336,7 @@ fn weigh(
         };
         match believed {
             Some(of) if is_weighed => parts.belief = Some(of.object),
-            Some(of) => parts.believe(of, &built.labels),
+            Some(of) => of.give(&mut parts, &built.labels),
             None => {}
         }
         parts

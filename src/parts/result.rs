@@ -5,7 +5,6 @@ use std::fmt;
 use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
-use super::belief::{Believed, ObjectBelief};
 use super::mass::unknowns::Source;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::FieldLabel;
@@ -89,29 +88,6 @@ impl Parts {
         }
     }
 
-    /// Takes over what is believed of the object: its mass, and the intervals of its parts and fillings, whose middles add up to it
-    /// with what no part shows. `labels` are those by whose index `believed` has its masses.
-    pub(super) fn believe(&mut self, believed: Believed, labels: &[FieldLabel]) {
-        self.object.mass_kg = believed.mass_kg;
-        let masses_of = |id: u32| labels.iter().position(|label| label.id == id).map(|label| &believed.masses[label]);
-        let wider = |mass: Estimate, of: Estimate, share: f64| {
-            Estimate::new(mass.mid.min(of.low * share), mass.mid, mass.mid.max(of.high * share))
-        };
-        for bodies in self.parts.chunk_by_mut(|one, next| one.id == next.id) {
-            let Some([Some(of), _]) = masses_of(bodies[0].id) else { continue };
-            let all: f64 = bodies.iter().filter_map(|body| body.mass_kg).map(|mass| mass.mid).sum();
-            for mass in bodies.iter_mut().filter_map(|body| body.mass_kg.as_mut()) {
-                *mass = wider(*mass, *of, mass.mid / all);
-            }
-        }
-        for filling in &mut self.fillings {
-            if let Some([_, Some(of)]) = masses_of(filling.inside_of) {
-                filling.mass_kg = wider(filling.mass_kg, *of, 1.0);
-            }
-        }
-        self.belief = Some(believed.object);
-    }
-
     fn bodies_by_label(&self) -> impl Iterator<Item = &[Part]> {
         self.parts.chunk_by(|one, next| one.id == next.id)
     }
@@ -144,6 +120,77 @@ pub struct Object {
     pub center_of_mass_m: [f64; 3],
     /// About the centre of mass, world axes.
     pub inertia_kg_m2: [[f64; 3]; 3],
+}
+
+/// What is believed of the object. Written as `belief` into `parts.json`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct ObjectBelief {
+    /// What it may be, in the model's order.
+    pub hypotheses: Vec<BelievedHypothesis>,
+    /// How its parts may be made, by part id.
+    pub parts: Vec<BelievedPart>,
+    /// The mass that shape and materials give by themselves.
+    pub shape_kg: Estimate,
+    /// What is printed on it about its contents, word for word, if it was taken into account.
+    pub printed: Option<String>,
+    /// What no part shows, with its probability before all evidence and after.
+    pub unnumbered: Vec<BelievedThing>,
+}
+
+impl ObjectBelief {
+    /// For each label, by its part id, the index of the way that is taken.
+    pub fn taken(&self, labels: &[FieldLabel]) -> Vec<Option<usize>> {
+        let of = |label: &FieldLabel| self.parts.iter().find(|part| part.id == label.id).map(|part| part.taken);
+        labels.iter().map(of).collect()
+    }
+}
+
+/// A hypothesis before and after the evidence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BelievedHypothesis {
+    pub what: String,
+    /// What the model said.
+    pub stated_probability: f64,
+    pub stated_mass_kg: Range,
+    /// After all evidence.
+    pub probability: f64,
+    /// The object's mass if this is what it is; `None` if that is all but excluded.
+    pub mass_kg: Option<Estimate>,
+}
+
+/// The ways in which a part may be made.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BelievedPart {
+    /// The part id.
+    pub id: u32,
+    /// In the model's order.
+    pub choices: Vec<BelievedChoice>,
+    /// The index of the one that masses, simulation, grasps and exports take.
+    pub taken: usize,
+}
+
+/// One way in which a part may be made, before and after the evidence.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BelievedChoice {
+    /// Name of the library row.
+    pub material: String,
+    pub stated_probability: f64,
+    pub probability: f64,
+}
+
+/// Something that no part shows.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct BelievedThing {
+    pub what: String,
+    pub stated_probability: f64,
+    pub probability: f64,
+    /// How much heavier it makes the object.
+    pub mass_kg: Range,
 }
 
 /// Why a part has no volume, and with it no mass.

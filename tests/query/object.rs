@@ -31,7 +31,7 @@ fn wood_or_plastic(mass_of_hollow_g: [f64; 2]) -> Value {
             { "what": "a hollow plastic ball", "probability": 0.5, "mass_g": mass_of_hollow_g },
         ],
         "pieces": [{
-            "numbers": [1], "caption": "all of the ball",
+            "numbers": [1, 2], "caption": "all of the ball",
             "choices": [
                 choice(1, "wood", "beech, european", Value::Null),
                 choice(2, "thermoplastic", "abs", json!([2, 4])),

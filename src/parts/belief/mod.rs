@@ -13,10 +13,9 @@
 pub mod spread;
 pub mod states;
 
-use serde::{Deserialize, Serialize};
-
-use super::mass::unknowns::{Belief, Effect, Owner, Quantity, Source, Unknowns};
+use super::mass::unknowns::{Belief, Effect, Owner, PRINTED_ERROR, Quantity, Source, Unknowns};
 use super::mass::weights::Weight;
+use super::result::{BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
 use crate::materials::MaterialLibrary;
 use crate::query::{Hypothesis, Piece, Printed, Recognition, Unnumbered};
 use crate::units::{Estimate, Range};
@@ -50,6 +49,29 @@ impl Believed {
         const LEAST_SHARE: f64 = 0.1;
         let share = (1.0 - self.unshown_kg / self.mass_kg.mid).max(LEAST_SHARE);
         self.mass_kg.scaled(share)
+    }
+
+    /// Gives `parts` what is believed: the mass of the object, and the intervals of parts and fillings, whose middles add up to it
+    /// with what no part shows. `labels` are those by whose index the masses are.
+    pub fn give(self, parts: &mut Parts, labels: &[FieldLabel]) {
+        parts.object.mass_kg = self.mass_kg;
+        let masses_of = |id: u32| labels.iter().position(|label| label.id == id).map(|label| &self.masses[label]);
+        let wider = |mass: Estimate, of: Estimate, share: f64| {
+            Estimate::new(mass.mid.min(of.low * share), mass.mid, mass.mid.max(of.high * share))
+        };
+        for bodies in parts.parts.chunk_by_mut(|one, next| one.id == next.id) {
+            let Some([Some(of), _]) = masses_of(bodies[0].id) else { continue };
+            let all: f64 = bodies.iter().filter_map(|body| body.mass_kg).map(|mass| mass.mid).sum();
+            for mass in bodies.iter_mut().filter_map(|body| body.mass_kg.as_mut()) {
+                *mass = wider(*mass, *of, mass.mid / all);
+            }
+        }
+        for filling in &mut parts.fillings {
+            if let Some([_, Some(of)]) = masses_of(filling.inside_of) {
+                filling.mass_kg = wider(filling.mass_kg, *of, 1.0);
+            }
+        }
+        parts.belief = Some(self.object);
     }
 }
 
@@ -100,77 +122,6 @@ impl Possibilities {
     }
 }
 
-/// What is believed of the object. Written as `belief` into `parts.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct ObjectBelief {
-    /// What it may be, in the model's order.
-    pub hypotheses: Vec<BelievedHypothesis>,
-    /// How its parts may be made, by part id.
-    pub parts: Vec<BelievedPart>,
-    /// The mass that shape and materials give by themselves.
-    pub shape_kg: Estimate,
-    /// What is printed on it about its contents, word for word, if it was taken into account.
-    pub printed: Option<String>,
-    /// What no part shows, with its probability before all evidence and after.
-    pub unnumbered: Vec<BelievedThing>,
-}
-
-impl ObjectBelief {
-    /// For each label, by its part id, the index of the way that is taken.
-    pub fn taken(&self, labels: &[FieldLabel]) -> Vec<Option<usize>> {
-        let of = |label: &FieldLabel| self.parts.iter().find(|part| part.id == label.id).map(|part| part.taken);
-        labels.iter().map(of).collect()
-    }
-}
-
-/// A hypothesis before and after the evidence.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct BelievedHypothesis {
-    pub what: String,
-    /// What the model said.
-    pub stated_probability: f64,
-    pub stated_mass_kg: Range,
-    /// After all evidence.
-    pub probability: f64,
-    /// The object's mass if this is what it is; `None` if that is all but excluded.
-    pub mass_kg: Option<Estimate>,
-}
-
-/// The ways in which a part may be made.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct BelievedPart {
-    /// The part id.
-    pub id: u32,
-    /// In the model's order.
-    pub choices: Vec<BelievedChoice>,
-    /// The index of the one that masses, simulation, grasps and exports take.
-    pub taken: usize,
-}
-
-/// One way in which a part may be made, before and after the evidence.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct BelievedChoice {
-    /// Name of the library row.
-    pub material: String,
-    pub stated_probability: f64,
-    pub probability: f64,
-}
-
-/// Something that no part shows.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct BelievedThing {
-    pub what: String,
-    pub stated_probability: f64,
-    pub probability: f64,
-    /// How much heavier it makes the object.
-    pub mass_kg: Range,
-}
-
 /// What follows from a belief for the weighing of parts.
 pub struct Believed {
     pub object: ObjectBelief,
@@ -190,11 +141,6 @@ pub struct Believed {
 const EXCLUDED: f64 = 1e-4;
 /// States whose parts are weighed one by one; the rest differ little from them, or are improbable.
 const WEIGHED_STATES: usize = 8;
-/// How far the contents of a package are from what is printed on it, as the half-width of a 90 % interval of the logarithm:
-/// the tolerable error of a package of 100 g to 1 kg is 1.5 to 4.5 % (Council Directive 76/211/EEC, annex I), and what is weighed is
-/// seldom fresh from the shop.
-pub const PRINTED_ERROR: f64 = 0.04;
-
 /// The evidence that bears on the masses.
 pub struct Evidence<'a> {
     pub possible: &'a Possibilities,

@@ -20,6 +20,10 @@ use crate::units::Estimate;
 /// the cases (Klayman et al., Organizational Behavior and Human Decision Processes 79, 1999), that is out to 0.67
 /// instead of 1.64 standard deviations.
 pub const OVERCONFIDENCE: f64 = 2.4;
+/// How far the contents of a package are from what is printed on it, as the half-width of a 90 % interval of the logarithm:
+/// the tolerable error of a package of 100 g to 1 kg is 1.5 to 4.5 % (Council Directive 76/211/EEC, annex I), and what is weighed is
+/// seldom fresh from the shop.
+pub const PRINTED_ERROR: f64 = 0.04;
 
 /// A cause of an interval's width.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]

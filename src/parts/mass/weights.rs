@@ -2,8 +2,7 @@
 
 use super::Weighable;
 use super::moments::Moments;
-use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, Quantity, Source, Unknowns, extremes};
-use crate::parts::belief::PRINTED_ERROR;
+use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, PRINTED_ERROR, Quantity, Source, Unknowns, extremes};
 use crate::parts::compose::volume::Volume;
 use crate::query::Form;
 use crate::units::{Estimate, Range};

@@ -13,6 +13,7 @@ pub mod grasp;
 mod open;
 pub mod parts;
 pub mod query;
+mod recognized;
 pub mod report;
 pub mod scene;
 pub mod segment;

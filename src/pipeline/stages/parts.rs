@@ -14,7 +14,7 @@ use crate::scene::mesh::solid::Measured;
 use crate::units::{Estimate, MetricScale, Range};
 use crate::workdir::Artifact;
 
-use super::query::Recognized;
+use super::recognized::Recognized;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::vote::MaterialField;

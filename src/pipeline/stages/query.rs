@@ -11,8 +11,8 @@ use crate::consensus::{self, AskAbout};
 use crate::error::Result;
 use crate::gaussians::bounds::least_box;
 use crate::query::{
-    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Purpose, Recognition, Size, SubjectAnswer,
-    SubjectId, WholeAnswer, WholeOutcome,
+    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Purpose, Size, SubjectAnswer, SubjectId,
+    WholeAnswer, WholeOutcome,
 };
 use crate::scene::{ScaleChoice, Scene, View};
 use crate::segment::LabelMap;
@@ -132,23 +132,6 @@ fn size_file(scene: &Scene, answer: WholeAnswer<Size>) -> Result<(SizeFile, Stri
     );
     let warning = [Some(warning), unusual].into_iter().flatten().collect::<Vec<_>>().join("; ");
     Ok((SizeFile { answer, scale: Some(scale) }, warning))
-}
-
-/// What the object is, if that was asked and answered.
-pub struct Recognized(pub Option<Recognition>);
-
-impl Stored for Recognized {
-    const STAGE: Stage = Stage::Query;
-
-    fn load(open: &OpenScene) -> Result<Self> {
-        if open.options.consensus.ask != AskAbout::Object {
-            return Ok(Self(None));
-        }
-        let answer: WholeAnswer<Recognition> = open.work.read_json(Artifact::Object)?;
-        let WholeOutcome::Answered(recognized) = answer.outcome else { return Ok(Self(None)) };
-        let problem = recognized.problem().map(|problem| open.work.damaged(Artifact::Object, problem));
-        problem.map_or(Ok(Self(Some(recognized))), |problem| Err(problem.into()))
-    }
 }
 
 /// The answers to the questions about the chosen views.

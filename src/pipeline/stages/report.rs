@@ -20,7 +20,7 @@ use crate::words::shell;
 use crate::workdir::Artifact;
 
 use super::grasp::{self, Grasped};
-use super::query::Recognized;
+use super::recognized::Recognized;
 use super::scene;
 use super::subjects::FoundSubjects;
 use super::vote::ShowsMost;

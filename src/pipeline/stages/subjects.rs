@@ -14,7 +14,7 @@ use crate::vote::AnsweredPart;
 
 use super::OpenScene;
 use super::consensus::{FoundPart, FoundParts, renamed};
-use super::query::Recognized;
+use super::recognized::Recognized;
 
 /// What the questions are about, with the label maps that show it.
 pub enum FoundSubjects {
