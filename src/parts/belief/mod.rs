@@ -5,10 +5,11 @@
 //! choices; its prior probability is what the model says. Under a state, shape and materials give a belief about the mass, and so
 //! does the model's own estimate for such a thing; both are [`Spread`]s of its logarithm, independent of each other:
 //!
-//! p(state, m) is proportional to p(state) * shape(m | state) * stated(m | hypothesis)
+//! p(state, m) is proportional to p(state) * shape(m | state) * stated(m | hypothesis) / overlap(state)
 //!
-//! so a state under which both agree gains, and one under which the object would be much too heavy for what it is loses. The
-//! sum over states is computed on a grid. `docs/parts.md` has the model in words.
+//! (a product of experts). The overlap is the integral of the two densities' product if their middles were the same: so a state
+//! under which the object would be much too heavy for what it is loses, but none loses because the mass of such a thing is little
+//! known. The sum over states is computed on a grid. `docs/parts.md` has the model in words.
 
 pub mod spread;
 pub mod states;
@@ -176,16 +177,18 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
     let mut given_state = Vec::with_capacity(states.len());
     for (of, shape) in states.iter().zip(&shapes) {
         let State { hypothesis, probability, .. } = of.state;
-        let (product, mut agreement) = empty.product(shape, Some(&stated[hypothesis]));
-        if let Some(reading) = evidence.reading_kg {
-            agreement = shape.density(reading.ln()) * stated[hypothesis].density(reading.ln());
-        }
-        whole.add(&product, probability);
+        let stated = &stated[hypothesis];
+        let (product, together) = empty.product(shape, Some(stated));
+        let (_, overlap) = empty.product(shape, Some(&stated.moved_to(shape)));
+        // The belief about a mass that was read is known at that mass alone.
+        let at_reading = evidence.reading_kg.map(|kg| shape.density(kg.ln()) * stated.density(kg.ln()));
+        let weight = probability * at_reading.unwrap_or(together) / overlap;
+        whole.add(&product, probability / overlap);
         by_shape.add(&empty.product(shape, None).0, probability);
         let (curve, sum) = &mut by_hypothesis[hypothesis];
-        curve.add(&product, probability);
-        *sum += probability * agreement;
-        given_state.push((product.percentiles(), probability * agreement));
+        curve.add(&product, probability / overlap);
+        *sum += weight;
+        given_state.push((product.percentiles(), weight));
     }
     let all: f64 = given_state.iter().map(|(_, weight)| weight).sum();
     let posterior: Vec<f64> = given_state.iter().map(|(_, weight)| weight / all).collect();
@@ -443,9 +446,11 @@ mod tests {
                 let masses = [weights[a][0].mass.clone(), weights[b][1].mass.clone()];
                 let shape = Spread::of(Belief::prior(&unknowns).of_sum(&masses));
                 let stated = Spread::of_range(hypothesis.mass_kg);
-                for n in 0..20_000 {
-                    let ln_kg = -6.0 + 8.0 * f64::from(n) / 20_000.0;
-                    let density = prior * shape.density(ln_kg) * stated.density(ln_kg);
+                let moved = stated.moved_to(&shape);
+                let places = || (0..20_000).map(|n| -6.0 + 8.0 * f64::from(n) / 20_000.0);
+                let overlap: f64 = places().map(|ln_kg| shape.density(ln_kg) * moved.density(ln_kg)).sum();
+                for ln_kg in places() {
+                    let density = prior * shape.density(ln_kg) * stated.density(ln_kg) / overlap;
                     all += density;
                     real += if h == 0 { density } else { 0.0 };
                     steel += if a == 0 { density } else { 0.0 };
@@ -470,6 +475,22 @@ mod tests {
             assert!((found / percentile(share)).ln().abs() < 0.02, "{found}, {}", percentile(share));
         }
         assert_eq!(believed.taken, [Some(0), Some(0)], "steel and ash: heavy enough for a real one");
+    }
+
+    #[test]
+    fn a_hypothesis_does_not_lose_because_little_is_known_of_its_mass() {
+        let (mut possible, weights, labels, mut unknowns) = two_parts();
+        possible.of_label.iter_mut().flatten().for_each(|choice| choice.under = vec![0.5; 2]);
+        let middle = 0.5;
+        let around = |factor: f64| Range::new(middle / factor, middle * factor);
+        possible.hypotheses[0].mass_kg = around(1.2);
+        possible.hypotheses[1].mass_kg = around(6.0);
+        let evidence =
+            Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg: None };
+        let believed = believe(&evidence, &mut unknowns);
+        let [narrow, wide] =
+            [0, 1].map(|h| believed.object.hypotheses[h].probability / possible.hypotheses[h].probability);
+        assert!(wide > narrow, "the shape is nearer to what a wide range expects: {narrow}, {wide}");
     }
 
     #[test]

@@ -42,6 +42,11 @@ impl Spread {
         PEAK / (1.0 + u * u / 3.0).powi(2) / scale
     }
 
+    /// The same belief about a mass whose middle is that of `other`.
+    pub fn moved_to(&self, other: &Self) -> Self {
+        Self { middle: other.middle, ..*self }
+    }
+
     /// Logarithms between which nearly all of it lies.
     fn reach(&self) -> [f64; 2] {
         // Less than 0.1 % is beyond on either side.
