@@ -264,6 +264,7 @@ const PATHS: &[(&str, Wants)] = &[
     ("--gripper", Wants::File),
     ("--scenario", Wants::File),
     ("--split", Wants::File),
+    ("--weights", Wants::File),
     ("--truth", Wants::Anything),
     ("--out", Wants::Anything),
     ("--work", Wants::Anything),

@@ -1,10 +1,12 @@
 //! `--ask object`: one question about the whole object, and a belief that weighs its answer against shape and materials.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::process::Output;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 
+use gprop::segment::LabelMap;
 use serde_json::{Value, json};
 
 use super::{a, good_answer_about_part};
@@ -14,7 +16,8 @@ use crate::run::gprop;
 const FEW: &[&str] = &["--frames", "2", "--duration", "0.02", "--grid", "16"];
 
 /// A ball of 20 cm: of solid wood, some three kilograms, or of hollow plastic, a few hundred grams. The model is not sure which.
-fn wood_or_plastic(mass_of_hollow_g: [f64; 2]) -> Value {
+/// All regions are one piece.
+fn wood_or_plastic(mass_of_hollow_g: [f64; 2], regions: &[u16]) -> Value {
     let choice = |under: usize, family: &str, material: &str, wall: Value| {
         let is_shell = !wall.is_null();
         json!({
@@ -31,7 +34,7 @@ fn wood_or_plastic(mass_of_hollow_g: [f64; 2]) -> Value {
             { "what": "a hollow plastic ball", "probability": 0.5, "mass_g": mass_of_hollow_g },
         ],
         "pieces": [{
-            "numbers": [1, 2], "caption": "all of the ball",
+            "numbers": regions, "caption": "all of the ball",
             "choices": [
                 choice(1, "wood", "beech, european", Value::Null),
                 choice(2, "thermoplastic", "abs", json!([2, 4])),
@@ -45,15 +48,33 @@ fn is_about_the_object(request: &Value) -> bool {
     request.to_string().contains("hypotheses")
 }
 
-/// A ball whose model gives this answer about the object, and the number of requests.
-fn ball(object: Value) -> (Balls, Arc<AtomicUsize>) {
-    let asked = Arc::new(AtomicUsize::new(0));
-    let count = Arc::clone(&asked);
+/// A ball, the regions into which it is divided, and the number of requests.
+struct Asked {
+    balls: Balls,
+    count: Arc<AtomicUsize>,
+}
+
+/// A ball whose model gives this answer about the object, if its regions are these.
+fn ball(object: impl Fn(&[u16]) -> Value + Send + Sync + 'static) -> Asked {
+    let (count, regions) = (Arc::new(AtomicUsize::new(0)), Arc::new(OnceLock::<Vec<u16>>::new()));
+    let (counted, known) = (Arc::clone(&count), Arc::clone(&regions));
+    let guess = json!({ "object": "a wooden ball", "clues": "its grain", "mass_g": [2000, 2500, 4000] });
     let balls = Balls::asked(1, move |request| {
-        count.fetch_add(1, Ordering::SeqCst);
-        if is_about_the_object(request) { object.clone() } else { good_answer_about_part(a("wood")) }
+        counted.fetch_add(1, Ordering::SeqCst);
+        match (is_about_the_object(request), request.to_string().contains("best guess")) {
+            (true, _) => object(known.get().unwrap()),
+            (_, true) => guess.clone(),
+            _ => good_answer_about_part(a("wood")),
+        }
     });
-    (balls, asked)
+    let divided = run(&balls, &["--to", "consensus"]);
+    assert!(divided.status.success(), "{}", said(&divided));
+    let maps = fs::read_dir(balls.scene(0).join("gprop/consensus")).unwrap().map(|entry| entry.unwrap().path());
+    let maps = maps.filter(|path| path.extension().is_some_and(|end| end == "png"));
+    let ids: BTreeSet<u16> =
+        maps.flat_map(|path| LabelMap::from_png(&fs::read(path).unwrap()).unwrap().ids()).collect();
+    regions.set(ids.into_iter().collect()).unwrap();
+    Asked { balls, count }
 }
 
 fn run(balls: &Balls, more: &[&str]) -> Output {
@@ -83,10 +104,10 @@ fn parts(balls: &Balls) -> Value {
 #[test]
 fn one_question_gives_a_belief_that_everything_after_it_follows() {
     // The wall that the model describes weighs 250 to 500 g.
-    let (balls, asked) = ball(wood_or_plastic([200.0, 600.0]));
+    let Asked { balls, count } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
     let first = ask(&balls, &[]);
     assert!(first.status.success(), "{}", said(&first));
-    assert_eq!(asked.load(Ordering::SeqCst), 1);
+    assert_eq!(count.load(Ordering::SeqCst), 1);
     assert!(balls.scene(0).join("gprop/sheets/object.jpg").is_file());
     let found = parts(&balls);
     let hypotheses = &found["belief"]["hypotheses"];
@@ -127,7 +148,7 @@ fn one_question_gives_a_belief_that_everything_after_it_follows() {
 #[test]
 fn a_hypothesis_that_does_not_fit_the_shape_loses() {
     // No wall of two to four millimetres makes such a ball weigh twenty grams.
-    let (balls, _) = ball(wood_or_plastic([15.0, 25.0]));
+    let Asked { balls, .. } = ball(|regions| wood_or_plastic([15.0, 25.0], regions));
     let output = ask(&balls, &["--to", "parts"]);
     assert!(output.status.success(), "{}", said(&output));
     let found = parts(&balls);
@@ -137,17 +158,17 @@ fn a_hypothesis_that_does_not_fit_the_shape_loses() {
 
 #[test]
 fn an_object_that_is_not_recognized_is_asked_about_part_by_part() {
-    let (balls, asked) = ball(json!({ "object": "no idea" }));
+    let Asked { balls, count } = ball(|_| json!({ "object": "no idea" }));
     let output = ask(&balls, &["--to", "parts"]);
     assert!(output.status.success(), "{}", said(&output));
     assert!(said(&output).contains("the model did not say what the object is"), "{}", said(&output));
-    assert!(asked.load(Ordering::SeqCst) > 2, "the question, its correction, and those about the part");
+    assert!(count.load(Ordering::SeqCst) > 2, "the question, its correction, and those about the part");
     assert!(parts(&balls)["belief"].is_null());
 }
 
 #[test]
 fn without_an_answer_the_run_says_how_to_get_one() {
-    let (balls, _) = ball(json!({}));
+    let Asked { balls, .. } = ball(|_| json!({}));
     let output = run(&balls, &["--answers", "replay"]);
     assert_eq!(output.status.code(), Some(5), "{}", said(&output));
     assert!(said(&output).contains("--ask object --export DIR"), "{}", said(&output));
@@ -155,14 +176,7 @@ fn without_an_answer_the_run_says_how_to_get_one() {
 
 #[test]
 fn a_direct_guess_is_recorded_and_scored_beside_gprop() {
-    let guess = json!({ "object": "a wooden ball", "clues": "its grain", "mass_g": [2000, 2500, 4000] });
-    let balls = Balls::asked(1, move |request| {
-        match (is_about_the_object(request), request.to_string().contains("best guess")) {
-            (true, _) => wood_or_plastic([200.0, 600.0]),
-            (_, true) => guess.clone(),
-            _ => good_answer_about_part(a("wood")),
-        }
-    });
+    let Asked { balls, .. } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
     let output = ask(&balls, &["--to", "parts"]);
     assert!(output.status.success(), "{}", said(&output));
     let weights = balls.folder().join("weights.csv");

@@ -238,15 +238,22 @@ fn check_numbers(pieces: &[WrittenPiece], numbers: &[u16]) -> Result<(), Problem
     let mut left: BTreeSet<u16> = numbers.iter().copied().collect();
     for number in pieces.iter().flat_map(|piece| &piece.numbers) {
         if !left.remove(number) {
-            let problem = if numbers.contains(number) { "is in two pieces" } else { "is not in the picture" };
+            let problem = if numbers.contains(number) {
+                "is in two pieces".to_owned()
+            } else {
+                format!("is not in the picture, which has {}", listed(numbers.iter()))
+            };
             return Err(Problem::invalid(format!("pieces: number {number} {problem}.")));
         }
     }
     if left.is_empty() {
         return Ok(());
     }
-    let left: Vec<String> = left.iter().map(u16::to_string).collect();
-    Err(Problem::invalid(format!("pieces: give each of the numbers {} to a piece.", left.join(", "))))
+    Err(Problem::invalid(format!("pieces: give each of the numbers {} to a piece.", listed(left.iter()))))
+}
+
+fn listed<'a>(numbers: impl Iterator<Item = &'a u16>) -> String {
+    numbers.map(u16::to_string).collect::<Vec<_>>().join(", ")
 }
 
 fn piece(written: &WrittenPiece, hypotheses: usize, library: &MaterialLibrary) -> Result<Piece, Problem> {
