@@ -22,7 +22,7 @@ fn folder(files: &[(&str, &str)]) -> TempDir {
     home
 }
 
-fn report(paths: &[&Path], flags: &[&str]) -> Result<Report, AuditError> {
+pub fn report(paths: &[&Path], flags: &[&str]) -> Result<Report, AuditError> {
     let command = audit::Args::augment_args(clap::Command::new("audit").no_binary_name(true));
     let typed = flags.iter().map(std::ffi::OsString::from).chain(paths.iter().map(Into::into));
     audit::audit(&audit::Args::from_arg_matches(&command.get_matches_from(typed)).unwrap())
@@ -402,4 +402,204 @@ fn threads_change_nothing_and_meshes_are_read_once_for_all_links() {
 fn a_folder_without_containers_is_an_error() {
     let home = folder(&[("notes.xml", "<html/>"), ("a.txt", "")]);
     assert!(matches!(report(&[home.path()], &[]), Err(AuditError::NoContainers { .. })));
+}
+
+/// A glTF with a box of 8 x 8 x 5 cm in a node that moves with this motion, above a node with this collider.
+fn gltf(motion: &str, collider: &str) -> String {
+    let sides = (0..8_u8).flat_map(|n| [n & 1, n >> 1 & 1, n >> 2].into_iter().zip([0.08_f32, 0.08, 0.05]));
+    let corners: Vec<u8> = sides.flat_map(|(side, length)| ((f32::from(side) - 0.5) * length).to_le_bytes()).collect();
+    let faces: [[u8; 3]; 12] = [
+        [0, 2, 1],
+        [1, 2, 3],
+        [4, 5, 6],
+        [5, 7, 6],
+        [0, 1, 4],
+        [1, 5, 4],
+        [2, 6, 3],
+        [3, 6, 7],
+        [0, 4, 2],
+        [2, 4, 6],
+        [1, 3, 5],
+        [3, 7, 5],
+    ];
+    let bytes = [corners, faces.concat()].concat();
+    let uri = base64::Engine::encode(&base64::engine::general_purpose::STANDARD, &bytes);
+    format!(
+        r#"{{"asset": {{"version": "2.0"}}, "extensionsUsed": ["KHR_physics_rigid_bodies", "KHR_implicit_shapes"],
+"extensions": {{
+  "KHR_implicit_shapes": {{"shapes": [{{"type": "box", "box": {{"size": [0.08, 0.08, 0.05]}}}}, {{"type": "sphere", "sphere": {{"radius": 0.2}}}}]}},
+  "KHR_physics_rigid_bodies": {{"physicsMaterials": [{{"staticFriction": 0.6, "dynamicFriction": 0.5}}, {{"staticFriction": 60}}]}}
+}},
+"scenes": [{{"nodes": [0]}}],
+"nodes": [
+  {{"name": "mug", "mesh": 0, "translation": [1, 2, 3], "rotation": [0, 0.6, 0, 0.8], "children": [1],
+    "extensions": {{"KHR_physics_rigid_bodies": {{"motion": {motion}}}}}}},
+  {{"extensions": {{"KHR_physics_rigid_bodies": {{"collider": {collider}}}}}}}
+],
+"meshes": [{{"primitives": [{{"attributes": {{"POSITION": 0}}, "indices": 1}}]}}],
+"accessors": [{{"bufferView": 0, "componentType": 5126, "count": 8, "type": "VEC3"}}, {{"bufferView": 1, "componentType": 5121, "count": 36, "type": "SCALAR"}}],
+"bufferViews": [{{"buffer": 0, "byteLength": 96}}, {{"buffer": 0, "byteOffset": 96, "byteLength": 36}}],
+"buffers": [{{"byteLength": 132, "uri": "data:application/octet-stream;base64,{uri}"}}]}}"#
+    )
+}
+
+const BOX: &str = r#"{"geometry": {"shape": 0}, "physicsMaterial": 0}"#;
+
+/// The text of the motion that a box of this mass has.
+fn motion(mass: f64, center: [f64; 3]) -> String {
+    format!(r#"{{"mass": {mass}, "centerOfMass": {center:?}, "inertiaDiagonal": {:?}}}"#, right_moments(mass))
+}
+
+/// Kind and line of what is wrong with a file of this name.
+fn kinds_of(name: &str, text: &str) -> Vec<(Kind, usize)> {
+    let home = folder(&[(name, text)]);
+    let report = report(&[home.path()], &[]).unwrap();
+    let file = &report.files[0];
+    assert_eq!(file.error, None);
+    println!("{}", report.text());
+    let of_links = file.links.iter().flat_map(|link| &link.findings);
+    file.findings.iter().chain(of_links).map(|finding| (finding.kind, finding.line)).collect()
+}
+
+#[test]
+fn physics_of_a_gltf_are_judged() {
+    assert_eq!(kinds_of("mug.gltf", &gltf(&motion(0.35, [0.0; 3]), BOX)), []);
+    // An engine makes up what is left out.
+    assert_eq!(kinds_of("mug.gltf", &gltf(r#"{"mass": 0.35}"#, BOX)), []);
+    assert_eq!(kinds_of("mug.gltf", &gltf("{}", BOX)), [(Kind::MassMissing, 8)]);
+    assert_eq!(kinds_of("mug.gltf", &gltf(r#"{"mass": 0}"#, BOX)), [(Kind::MassMissing, 8)]);
+    assert_eq!(kinds_of("mug.gltf", &gltf(r#"{"mass": 0.005}"#, BOX)), [(Kind::Density, 8)]);
+    assert_eq!(kinds_of("mug.gltf", &gltf(&motion(0.35, [0.0, 0.1, 0.0]), BOX)), [(Kind::Center, 8)]);
+    let placeholder = r#"{"mass": 0.35, "inertiaDiagonal": [0.001, 0.001, 0.001]}"#;
+    assert_eq!(kinds_of("mug.gltf", &gltf(placeholder, BOX)), [(Kind::InertiaPlaceholder, 8)]);
+    let large = r#"{"geometry": {"shape": 1}, "physicsMaterial": 1}"#;
+    let found = kinds_of("mug.gltf", &gltf(&motion(0.35, [0.0; 3]), large));
+    assert_eq!(found, [(Kind::FrictionRange, 10), (Kind::Collider, 10)]);
+    let bare = r#"{"geometry": {"node": 0, "convexHull": true}}"#;
+    assert_eq!(kinds_of("mug.gltf", &gltf(&motion(0.35, [0.0; 3]), bare)), [(Kind::FrictionMissing, 8)]);
+}
+
+#[test]
+fn fix_states_the_inertia_of_a_gltf_in_the_frame_of_its_node() {
+    let text = gltf(r#"{"mass": 0.35, "inertiaDiagonal": [1, 1, 9], "linearVelocity": [1, 0, 0]}"#, BOX);
+    let home = folder(&[("mug.gltf", &text)]);
+    let path = home.path().join("mug.gltf");
+    let fixed = report(&[&path], &["--fix"]).unwrap();
+    assert!(fixed.require_sound().is_ok(), "{}", fixed.text());
+    let after: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
+    let motion = &after["nodes"][0]["extensions"]["KHR_physics_rigid_bodies"]["motion"];
+    let mut moments: Vec<f64> = serde_json::from_value(motion["inertiaDiagonal"].clone()).unwrap();
+    moments.sort_by(f64::total_cmp);
+    let [x, y, z] = right_moments(0.35);
+    assert!(
+        moments.iter().zip([x, y, z]).all(|(found, expected)| (found / expected - 1.0).abs() < 1e-6),
+        "{moments:?}"
+    );
+    // All else is as it was.
+    let unchanged = fs::read_to_string(&path).unwrap();
+    let (before, behind) = text.split_once("[1, 1, 9]").unwrap();
+    assert!(unchanged.starts_with(before) && unchanged.contains(behind.split_once('}').unwrap().1), "{unchanged}");
+}
+
+/// A USD with a box of 8 x 8 x 5 cm in cm, as a mesh that collides, with these attributes of its mass.
+fn usda(attributes: &str, material: &str) -> String {
+    format!(
+        r#"#usda 1.0
+(
+    defaultPrim = "mug"
+    metersPerUnit = 0.01
+    upAxis = "Z"
+)
+
+def Xform "mug" (
+    prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"]
+    doc = """A "mug" ) of """
+)
+{{
+    {attributes}
+    double3 xformOp:translate = (1, 2, 3)
+    quatf xformOp:orient = (0.8, 0, 0.6, 0)
+    uniform token[] xformOpOrder = ["xformOp:translate", "xformOp:orient"]
+
+    # The body }} itself.
+    def Mesh "body" (
+        prepend apiSchemas = ["PhysicsCollisionAPI", "PhysicsMeshCollisionAPI", "MaterialBindingAPI"]
+    )
+    {{
+        int[] faceVertexCounts = [4, 4, 4, 4, 4, 4]
+        int[] faceVertexIndices = [0, 2, 3, 1, 4, 5, 7, 6, 0, 1, 5, 4, 2, 6, 7, 3, 0, 4, 6, 2, 1, 3, 7, 5]
+        point3f[] points = [(-4, -4, -2.5), (4, -4, -2.5), (-4, 4, -2.5), (4, 4, -2.5), (-4, -4, 2.5), (4, -4, 2.5), (-4, 4, 2.5), (4, 4, 2.5)] (
+            interpolation = "vertex"
+        )
+        texCoord2f[] primvars:st.timeSamples = {{ 0: [(0, 0)], 1: [(1, 1)] }}
+        uniform token physics:approximation = "convexHull"
+        rel material:binding:physics = </mug/glazed>
+    }}
+
+    def Material "glazed" (
+        prepend apiSchemas = ["PhysicsMaterialAPI"]
+    )
+    {{
+        {material}
+        token outputs:surface.connect = </mug/glazed/surface.outputs:surface>
+    }}
+}}
+"#
+    )
+}
+
+#[test]
+fn physics_of_a_usd_are_judged() {
+    let stated = |mass: f64, center: &str, moments: [f64; 3]| {
+        let [x, y, z] = moments.map(|moment| moment * 1e4);
+        format!(
+            "float physics:mass = {mass}\n    point3f physics:centerOfMass = {center}\n    float3 physics:diagonalInertia = ({x}, {y}, {z})\n    \
+             quatf physics:principalAxes = (1, 0, 0, 0)"
+        )
+    };
+    let friction = "float physics:staticFriction = 0.6";
+    let right = stated(0.35, "(0, 0, 0)", right_moments(0.35));
+    assert_eq!(kinds_of("mug.usda", &usda(&right, friction)), []);
+    assert_eq!(kinds_of("mug.usda", &usda("float physics:mass = 0.35", friction)), []);
+    // What states no mass has the density of its material, or else of water.
+    assert_eq!(kinds_of("mug.usda", &usda("", friction)), [(Kind::MassMissing, 8)]);
+    assert_eq!(kinds_of("mug.usda", &usda("", &format!("{friction}\n        float physics:density = 0.0024"))), []);
+    assert_eq!(kinds_of("mug.usda", &usda("float physics:mass = 0.005", friction)), [(Kind::Density, 8)]);
+    let off = stated(0.35, "(0, 9, 0)", right_moments(0.35));
+    assert_eq!(kinds_of("mug.usda", &usda(&off, friction)), [(Kind::Center, 8)]);
+    let impossible = stated(0.35, "(0, 0, 0)", [1e-4, 1e-4, 1e-3]);
+    assert_eq!(kinds_of("mug.usda", &usda(&impossible, friction)), [(Kind::InertiaImpossible, 8)]);
+    assert_eq!(kinds_of("mug.usda", &usda(&right, "")), [(Kind::FrictionMissing, 8)]);
+    // Metres instead of centimetres.
+    let large = usda(&right, friction).replace("metersPerUnit = 0.01", "metersPerUnit = 1");
+    assert_eq!(kinds_of("mug.usda", &large)[0].0, Kind::Units);
+    // The volume is that of the box: 320 cm3.
+    let home = folder(&[("mug.usda", &usda(&right, friction))]);
+    let volume = report(&[home.path()], &[]).unwrap().files[0].links[0].volume_m3.unwrap();
+    assert!((volume / 3.2e-4 - 1.0).abs() < 1e-9, "{volume}");
+}
+
+#[test]
+fn a_usd_or_gltf_that_is_broken_has_one_error_with_its_place() {
+    let deep = format!("#usda 1.0\n{}", "def Xform \"a\" {\n".repeat(10_000));
+    let out_of_range = usda("float physics:mass = 1", "").replace("[0, 2, 3, 1,", "[0, 2, 3, 99,");
+    for (name, text, expected) in [
+        ("a.usda", "#usda 1.0\ndef Xform \"a\"\n{".to_owned(), "line 3"),
+        ("b.usda", deep, "nested too deep"),
+        ("c.usda", "#usda 1.0\n(\n  doc = \"\n".to_owned(), "ends within quotes"),
+        ("d.gltf", gltf("{\"mass\": 1}", BOX).replace("\"count\": 36", "\"count\": 3600"), "beyond the end"),
+    ] {
+        let home = folder(&[(name, &text)]);
+        let report = report(&[home.path()], &[]).unwrap();
+        let error = report.files[0].error.as_ref().unwrap();
+        assert!(error.contains(expected), "{error}");
+    }
+    let found = kinds_of("e.usda", &out_of_range);
+    assert!(found.contains(&(Kind::Invalid, 20)), "{found:?}");
+    // What has no physics is passed over in a folder, and an error if it is named.
+    let plain = gltf("{}", "{}").replace("motion", "nothing");
+    let home = folder(&[("plain.gltf", &plain), ("broken.glb", "glTF"), ("mug.urdf", &mug(""))]);
+    assert_eq!(report(&[home.path()], &[]).unwrap().files.len(), 1);
+    let named = report(&[&home.path().join("plain.gltf")], &[]).unwrap();
+    assert!(named.files[0].error.as_ref().unwrap().contains("no node of it moves"), "{:?}", named.files[0].error);
 }

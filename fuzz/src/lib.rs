@@ -73,12 +73,17 @@ pub const TARGETS: [(&str, Read); 22] = [
     ("work_folder", work_folder),
 ];
 
-/// URDF and MJCF beside a mesh, audited and mended.
+/// URDF, MJCF, USD and glTF beside a mesh, audited and mended.
 pub fn container(bytes: &[u8]) {
+    let name = match bytes.first() {
+        Some(b'#') => "model.usda",
+        Some(b'{' | b'g') => "model.gltf",
+        _ => "model.xml",
+    };
     let mesh = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n";
-    let folder = folder_with(&[("model.xml", bytes), ("mesh.obj", mesh)]);
+    let folder = folder_with(&[(name, bytes), ("mesh.obj", mesh)]);
     let args = audit::Args {
-        paths: vec![folder.path().join("model.xml")],
+        paths: vec![folder.path().join(name)],
         fix: true,
         ignore: Vec::new(),
         collider_volume: 2.0,

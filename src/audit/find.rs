@@ -71,7 +71,7 @@ pub fn nothing(named: &[Named]) -> AuditError {
 
 /// The files below a folder that may be containers, by the endings of their names.
 fn below(folder: &Path) -> Result<Vec<PathBuf>, AuditError> {
-    const ENDINGS: [&str; 2] = ["urdf", "xml"];
+    const ENDINGS: [&str; 5] = ["urdf", "xml", "glb", "gltf", "usda"];
     let mut open = vec![folder.to_owned()];
     let mut found = Vec::new();
     let mut entries = 0;

@@ -11,7 +11,7 @@ use super::{AuditError, Kind};
 use crate::files;
 use crate::files::write::Folder;
 use crate::scene::mesh::containers::write::{Statement, with_statements};
-use crate::scene::mesh::containers::{Body, Container};
+use crate::scene::mesh::containers::{Body, Container, Format};
 
 /// Mends the files of a container; says what was done and what could not be.
 ///
@@ -31,7 +31,11 @@ pub fn fix(container: &Container, found: &Found, judged: &Judged) -> Result<Vec<
             done.push(format!("not {path:?}: it is a link, or lies in another folder; name the file itself"));
             continue;
         };
-        let bytes = files::read(path).ok();
+        if container.format == Format::Usd {
+            done.push(format!("not {path:?}: USD is only read"));
+            continue;
+        }
+        let bytes = files::read_large(path).ok();
         let mended = bytes.and_then(|bytes| with_statements(container.format, &bytes, source, &targets));
         // A file that is no longer the one that was audited stays.
         let Some(text) = mended else { continue };

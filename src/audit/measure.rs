@@ -3,9 +3,9 @@
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
 use super::hull::{Hull, extent, extremes};
-use super::meshes::{MeasuredMesh, Meshes};
+use super::meshes::{MeasuredMesh, MeshId, Meshes};
 use super::moments::Moments;
-use crate::scene::mesh::containers::{Body, Geometry, MeshUse, Shape, ShapeMass};
+use crate::scene::mesh::containers::{Body, Geometry, Shape, ShapeMass};
 
 /// The shapes of a body that are seen, or those that collide.
 #[derive(Debug, Clone)]
@@ -86,8 +86,11 @@ fn measured(shape: &Shape, meshes: &Meshes) -> Option<Measured> {
     let pose = &shape.body_from_shape;
     match &shape.geometry {
         Geometry::Mesh(used) => {
-            let mesh = meshes.get(used.file.as_ref().ok()?)?.as_ref().ok()?;
-            Some(placed(mesh, used, pose))
+            let scale = Matrix3::from_diagonal(&Vector3::from(used.scale));
+            Some(placed(measured_mesh(shape, meshes)?, &scale, &used.reference, pose))
+        }
+        Geometry::Own(_) => {
+            Some(placed(measured_mesh(shape, meshes)?, &Matrix3::identity(), &Isometry3::identity(), pose))
         }
         simple => {
             let moments = Moments::of_simple(simple)?.mapped(&Matrix3::identity(), pose);
@@ -106,11 +109,14 @@ fn measured(shape: &Shape, meshes: &Meshes) -> Option<Measured> {
     }
 }
 
+fn measured_mesh<'a>(shape: &Shape, meshes: &'a Meshes) -> Option<&'a MeasuredMesh> {
+    meshes.get(&MeshId::of(&shape.geometry)?)?.as_ref().ok()
+}
+
 /// A mesh as a shape of a body uses it.
-fn placed(mesh: &MeasuredMesh, used: &MeshUse, pose: &Isometry3<f64>) -> Measured {
-    let scale = Matrix3::from_diagonal(&Vector3::from(used.scale));
-    let reference = used.reference.inverse();
-    let whole = |moments: &Moments| moments.mapped(&Matrix3::identity(), &reference).mapped(&scale, pose);
+fn placed(mesh: &MeasuredMesh, scale: &Matrix3<f64>, reference: &Isometry3<f64>, pose: &Isometry3<f64>) -> Measured {
+    let reference = reference.inverse();
+    let whole = |moments: &Moments| moments.mapped(&Matrix3::identity(), &reference).mapped(scale, pose);
     let factor = scale.determinant().abs();
     // The area of a shell grows as the square of a length, whatever the directions.
     let shell = whole(&mesh.shell);
@@ -152,7 +158,7 @@ fn corners_of_simple(geometry: &Geometry) -> Vec<Vector3<f64>> {
             let rim = ball([radius, radius, 0.0], 0.0).into_iter().filter(|point| point.xy().norm() > 0.99 * radius);
             rim.flat_map(|point| [half_length, -half_length].map(|z| Vector3::new(point.x, point.y, z))).collect()
         }
-        Geometry::Plane | Geometry::Mesh(_) | Geometry::Other(_) => Vec::new(),
+        Geometry::Plane | Geometry::Mesh(_) | Geometry::Own(_) | Geometry::Other(_) => Vec::new(),
     }
 }
 

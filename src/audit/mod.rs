@@ -38,9 +38,9 @@ pub use report::{FileReport, LinkReport, Report};
 /// Why an audit does not end well.
 #[derive(Debug, Error)]
 pub enum AuditError {
-    #[error("there is nothing at {path:?}; name files or folders with URDF or MJCF")]
+    #[error("there is nothing at {path:?}; name files or folders with URDF, MJCF, USD or glTF")]
     NotThere { path: PathBuf },
-    #[error("no URDF or MJCF in {paths}; name files or folders that have some")]
+    #[error("no URDF, MJCF, USD or glTF with physics in {paths}; name files or folders that have some")]
     NoContainers { paths: String },
     #[error("cannot list {path:?}: {source}")]
     Unlisted { path: PathBuf, source: std::io::Error },

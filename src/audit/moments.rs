@@ -52,7 +52,7 @@ impl Moments {
                     second: Matrix3::from_diagonal(&Vector3::new(across, across, along)),
                 }
             }
-            Geometry::Plane | Geometry::Mesh(_) | Geometry::Other(_) => return None,
+            Geometry::Plane | Geometry::Mesh(_) | Geometry::Own(_) | Geometry::Other(_) => return None,
         })
     }
 

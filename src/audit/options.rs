@@ -10,7 +10,7 @@ use crate::config::option_values::from_to;
 #[command(after_help = "The exit code is 0 if nothing is wrong, 1 if something is, and 3 if a file cannot be read.\n\
                   Meshes are read from the folders that are named, or that hold a named file, and from nowhere else.")]
 pub struct Args {
-    /// URDF or MJCF files, or folders with such files, however deep.
+    /// URDF, MJCF, USD (.usda) or glTF files with physics, or folders with such files, however deep.
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
     /// Write inertias and centres of mass that are missing or impossible into the files: those of the shape with the stated

@@ -24,7 +24,7 @@ pub struct Report {
 pub struct FileReport {
     #[serde(serialize_with = "as_text")]
     pub path: PathBuf,
-    /// `URDF` or `MJCF`; `None` if the file cannot be read.
+    /// `URDF`, `MJCF`, `USD` or `glTF`; `None` if the file cannot be read.
     pub format: Option<&'static str>,
     /// Why the file cannot be read.
     pub error: Option<String>,

@@ -95,7 +95,7 @@ pub enum Command {
         after_help = "Unless --views or --view-list is given, up to 60 views are compared, spread over all directions."
     )]
     Inspect(inspect::Args),
-    /// Check what URDF and MJCF claim of masses, inertias, centres of mass, frictions and colliders; no model is asked.
+    /// Check what URDF, MJCF, USD and glTF claim of masses, inertias, centres of mass, frictions and colliders; no model is asked.
     Audit(audit::Args),
     /// Run all scenes of a data set, each in its own process; scenes that are done are not run again.
     Batch(Box<BatchArgs>),
@@ -249,10 +249,13 @@ pub enum Grasp {
 pub struct ExportArgs {
     /// Folder with a splat, cameras and photos, a mesh, or a URDF or MJCF; stages that have not run yet are run first.
     pub scene: PathBuf,
-    /// Formats to write, separated by commas; required unless SCENE is a URDF or MJCF, which is written as it is, with
-    /// masses, inertias and frictions filled in.
+    /// Formats to write, separated by commas; required for a splat. A mesh is written as `asset` without it; a URDF or MJCF is
+    /// always written as it is, with masses, inertias and frictions filled in.
     #[arg(long, value_enum, value_delimiter = ',')]
     pub format: Vec<export::Format>,
+    /// Colliders of the format `asset`.
+    #[arg(long, value_enum, default_value_t)]
+    pub colliders: export::Colliders,
     /// Folder to write into.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

@@ -12,7 +12,7 @@ use crate::grasp::GraspReport;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage, stages};
 use crate::query::{Answers, Outcome};
-use crate::report::{grasp_line, mass_line, misfit_line, part_lines, size_line};
+use crate::report::{claim_line, grasp_line, mass_line, misfit_line, part_lines, size_line};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
@@ -43,6 +43,8 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
                 part_lines(&field.labels, parts.as_deref()) + &parts.as_deref().map_or_else(no_scale, mass_line);
             let open = pipeline.opened();
             let longest_side = longest_side(&open.scene.gaussians);
+            let claimed = open.scene.mesh.as_ref().and_then(|mesh| mesh.painted.mesh.claimed_mass_kg);
+            let lines = lines + &parts.as_deref().map_or_else(String::new, |parts| claim_line(claimed, parts));
             lines + &size_line(stages::parts::scale(open)?.as_ref(), longest_side)
         }
         Stage::Simulate => simulation(pipeline.simulation()?.as_ref()),

@@ -119,7 +119,11 @@ pub fn show(global: &Global, args: &ShowArgs) -> Result<()> {
 
 /// Exports the parts, after running the stages up to them.
 pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
-    if args.format.is_empty() {
+    let formats = match args.format.as_slice() {
+        [] if args.scene.is_file() => &[Format::Asset],
+        given => given,
+    };
+    if formats.is_empty() {
         let formats: Vec<String> = Format::value_variants()
             .iter()
             .filter_map(Format::to_possible_value)
@@ -131,7 +135,7 @@ pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
     let work = args.work.as_deref();
     let mut pipeline = open_with(global, &args.scene, work, &args.options, plan, true)?;
     pipeline.run()?;
-    let files = export::export(&mut pipeline, &args.format, &args.out)?;
+    let files = export::export(&mut pipeline, formats, args.colliders, &args.out)?;
     let paths: Vec<_> = files.iter().map(|file| config::in_json(file)).collect();
     print(global, &paths, || files.iter().map(|file| shown(file) + "\n").collect())
 }

@@ -2,11 +2,11 @@
 //! colliders, below a node for each part. A part's node has its properties as `extras`.
 
 use nalgebra::Point3;
-use serde_json::{Value, json};
+use serde_json::json;
 
 use super::gltf::Gltf;
 use super::shape::{PartMesh, Shape};
-use super::{ExportError, Files, Model, identifier, label_of};
+use super::{ExportError, Files, Model, identifier, label_of, part_facts};
 use crate::pictures::palette;
 
 pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &mut Files) -> Result<(), ExportError> {
@@ -27,7 +27,7 @@ pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &m
             json!({ "attributes": attributes, "indices": visual.triangles(&mesh.triangles), "material": 0 });
         visual.meshes.push(json!({ "primitives": [primitive] }));
         let (mesh, label) = (visual.meshes.len() - 1, label(model, *part));
-        nodes.push(visual.node(json!({ "name": label, "mesh": mesh, "extras": extras(model, *part) })));
+        nodes.push(visual.node(json!({ "name": label, "mesh": mesh, "extras": part_facts(model, *part) })));
     }
     visual.node_z_up(&name, &nodes);
     files.write(format!("{name}.glb"), |out| visual.write(&[], model.note_on_scale(), out))?;
@@ -51,7 +51,7 @@ pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &m
             let mesh = colliders.meshes.len() - 1;
             children.push(colliders.node(json!({ "name": collider.name(), "mesh": mesh })));
         }
-        let node = json!({ "name": label(model, part), "children": children, "extras": extras(model, part) });
+        let node = json!({ "name": label(model, part), "children": children, "extras": part_facts(model, part) });
         nodes.push(colliders.node(node));
     }
     colliders.node_z_up(&name, &nodes);
@@ -65,20 +65,4 @@ fn floats(points: &[Point3<f64>]) -> Vec<[f32; 3]> {
 /// The name of a part's node: its number makes it unique.
 fn label(model: &Model, part: u32) -> String {
     format!("part{part} {}", label_of(&model.field.labels, part).caption)
-}
-
-fn extras(model: &Model, part: u32) -> Value {
-    let label = label_of(&model.field.labels, part);
-    let weighed = model.parts.and_then(|parts| parts.of_label(part));
-    json!({
-        "part": part,
-        "caption": label.caption,
-        "material": label.material,
-        "family": label.family,
-        "density_kg_m3": label.density_kg_m3.mid,
-        "mass_kg": weighed.as_ref().and_then(|part| part.mass_kg).map(|mass| mass.mid),
-        "volume_m3": weighed.as_ref().and_then(|part| part.volume_m3).map(|volume| volume.mid),
-        "friction_rubber": label.friction_rubber.mid,
-        "youngs_modulus_pa": label.youngs_modulus_pa.mid,
-    })
 }

@@ -7,9 +7,8 @@ use std::io::{self, Write};
 use serde_json::{Value, json};
 
 use crate::numeric::srgb_light;
+use crate::scene::mesh::gltf::{binary_chunk, write_glb};
 
-const MAGIC: &[u8; 4] = b"glTF";
-const VERSION: u32 = 2;
 /// `GL_FLOAT`, `GL_UNSIGNED_INT`, `GL_UNSIGNED_SHORT`.
 const FLOAT: u32 = 5126;
 const UNSIGNED_INT: u32 = 5125;
@@ -18,9 +17,30 @@ const UNSIGNED_SHORT: u32 = 5123;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// A glTF file under construction.
+/// What a file has already, behind which new arrays stand.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Behind {
+    /// The index of the buffer that holds the arrays.
+    pub buffer: usize,
+    /// Its bytes so far, a multiple of 4.
+    pub bytes: usize,
+    pub views: usize,
+    pub accessors: usize,
+}
+
+/// New arrays for a file.
+pub struct Added {
+    pub views: Vec<Value>,
+    pub accessors: Vec<Value>,
+    pub bytes: Vec<u8>,
+    /// The length of the buffer with them.
+    pub end: usize,
+}
+
+/// A glTF file under construction, or arrays for one.
 #[derive(Default)]
 pub struct Gltf {
+    behind: Behind,
     bytes: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
@@ -34,6 +54,17 @@ pub struct Gltf {
 }
 
 impl Gltf {
+    /// Arrays for a file that has others.
+    pub fn behind(behind: Behind) -> Self {
+        Self { behind, ..Self::default() }
+    }
+
+    /// The arrays.
+    pub fn added(self) -> Added {
+        let end = self.behind.bytes + self.bytes.len();
+        Added { views: self.views, accessors: self.accessors, bytes: self.bytes, end }
+    }
+
     /// Adds vectors of `N` floats, one for each vertex; `with_bounds` for positions.
     pub fn floats<const N: usize>(&mut self, values: &[[f32; N]], with_bounds: bool) -> usize {
         let bytes: Vec<u8> = values.iter().flatten().flat_map(|value| value.to_le_bytes()).collect();
@@ -68,15 +99,27 @@ impl Gltf {
         self.add(&bytes, INDICES, accessor)
     }
 
+    /// Adds a whole number for each vertex.
+    pub fn numbers(&mut self, numbers: &[u16]) -> usize {
+        // Each value of a vertex begins at a multiple of 4 bytes.
+        const STRIDE: usize = 4;
+        let padded = |number: &u16| [number.to_le_bytes(), [0; 2]];
+        let bytes: Vec<u8> = numbers.iter().flat_map(padded).flatten().collect();
+        let accessor = json!({ "componentType": UNSIGNED_SHORT, "count": numbers.len(), "type": "SCALAR" });
+        let accessor = self.add(&bytes, VERTICES, accessor);
+        self.views.last_mut().expect("the array has just been added")["byteStride"] = json!(STRIDE);
+        accessor
+    }
+
     fn add(&mut self, bytes: &[u8], target: u32, mut accessor: Value) -> usize {
         // Every array begins at a multiple of 4 bytes, the size of its largest numbers.
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
-        self.views
-            .push(json!({ "buffer": 0, "byteOffset": self.bytes.len(), "byteLength": bytes.len(), "target": target }));
+        let (buffer, offset) = (self.behind.buffer, self.behind.bytes + self.bytes.len());
+        self.views.push(json!({ "buffer": buffer, "byteOffset": offset, "byteLength": bytes.len(), "target": target }));
         self.bytes.extend_from_slice(bytes);
-        accessor["bufferView"] = json!(self.views.len() - 1);
+        accessor["bufferView"] = json!(self.behind.views + self.views.len() - 1);
         self.accessors.push(accessor);
-        self.accessors.len() - 1
+        self.behind.accessors + self.accessors.len() - 1
     }
 
     /// Adds an encoded picture of a MIME type that glTF knows, with OpenGL's numbers of its wrapping along u and v.
@@ -99,8 +142,17 @@ impl Gltf {
 
     /// Adds a node without parent, whose children are in axes with z up.
     pub fn node_z_up(&mut self, name: &str, children: &[usize]) {
+        self.node_z_up_with(name, children, &Value::Null);
+    }
+
+    /// The same with extensions, if there are any.
+    pub fn node_z_up_with(&mut self, name: &str, children: &[usize], extensions: &Value) {
         let half = std::f64::consts::FRAC_1_SQRT_2;
-        let root = self.node(json!({ "name": name, "rotation": [-half, 0.0, 0.0, half], "children": children }));
+        let mut root = json!({ "name": name, "rotation": [-half, 0.0, 0.0, half], "children": children });
+        if !extensions.is_null() {
+            root["extensions"] = extensions.clone();
+        }
+        let root = self.node(root);
         self.roots.push(root);
     }
 
@@ -133,18 +185,7 @@ impl Gltf {
         if !extensions.is_empty() {
             json["extensionsUsed"] = json!(extensions);
         }
-        let mut text = json.to_string().into_bytes();
-        text.resize(text.len().next_multiple_of(4), b' ');
-        let length = |bytes: usize| u32::try_from(bytes).map_err(|_| io::Error::other("a GLB holds at most 4 GB"));
-        out.write_all(MAGIC)?;
-        out.write_all(&VERSION.to_le_bytes())?;
-        out.write_all(&length(12 + 8 + text.len() + 8 + self.bytes.len())?.to_le_bytes())?;
-        for (kind, chunk) in [(b"JSON", &text), (b"BIN\0", &self.bytes)] {
-            out.write_all(&length(chunk.len())?.to_le_bytes())?;
-            out.write_all(kind)?;
-            out.write_all(chunk)?;
-        }
-        Ok(())
+        write_glb(json.to_string().as_bytes(), &[binary_chunk(self.bytes)], out)
     }
 }
 

@@ -5,10 +5,12 @@
 //! - [`glb`]: meshes of the parts, or the convex colliders; [`gltf_splat`]: the Gaussians;
 //! - [`ply_parts`]: the Gaussians of each part;
 //! - [`npz`]: every number as NumPy arrays;
-//! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks.
+//! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks;
+//! - [`mod@asset`]: the mesh from which the scene was made, once more, with its physics, and tables of its faces and vertices.
 //!
 //! Everything rigid is in metres, in the world frame of the splat, z up. Gaussians that were set aside are left out.
 
+mod asset;
 mod glb;
 pub(crate) mod gltf;
 mod gltf_splat;
@@ -27,6 +29,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::Point3;
 use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
 
 use crate::camera::Camera;
 use crate::files::write::Folder;
@@ -35,6 +38,7 @@ use crate::grasp::candidates::Candidate;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
+pub use asset::{Asset, Colliders, below};
 use shape::{Collider, PartMesh, Shape, Skin};
 
 /// A format to write.
@@ -59,6 +63,10 @@ pub enum Format {
     GltfSplat,
     /// A 3DGS PLY for each part
     PlyParts,
+    /// The mesh file itself, with physics filled in (glTF), or with URDF, MJCF and JSON beside it (OBJ, STL, PLY)
+    Asset,
+    /// Tables of a mesh's faces and vertices with part, material and properties
+    Csv,
 }
 
 impl Format {
@@ -86,6 +94,8 @@ pub struct Model<'a> {
     pub source: &'a str,
     /// The files that the scene was read from, which no export replaces.
     pub inputs: &'a [PathBuf],
+    /// The mesh that the scene was made of.
+    pub asset: Option<Asset<'a>>,
 }
 
 /// Stands in every export whose scale a model estimated.
@@ -113,6 +123,19 @@ pub enum ExportError {
          the warnings of the parts stage"
     )]
     NoShape,
+    #[error(
+        "`asset` and `csv` write the mesh from which a scene was made, and this one is a splat; choose other formats"
+    )]
+    NotAMesh,
+    #[error(
+        "the file has {count} rigid bodies that move by themselves, or meshes that move with none; gprop weighed all of it as one object. \
+         Split it, and run each object by itself"
+    )]
+    Bodies { count: usize },
+    #[error("{path:?} has changed since it was read; run again")]
+    Changed { path: PathBuf },
+    #[error("{path:?} lies outside of the folder of the mesh that uses it; copy it there, and name it there")]
+    NotBeside { path: PathBuf },
     #[error("{path:?} is a file of the scene, which the export would replace; choose another folder with --out")]
     Input { path: PathBuf },
     #[error("cannot write {path:?}: {source}; make room or choose another folder with --out")]
@@ -138,6 +161,11 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
         match format {
             Format::Mjcf | Format::Urdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
             Format::Glb => drop(shared.part_meshes()?),
+            Format::Asset => {
+                model.asset.ok_or(ExportError::NotAMesh)?;
+                drop(shared.rigid()?);
+            }
+            Format::Csv => drop(model.asset.ok_or(ExportError::NotAMesh)?),
             Format::GltfSplat | Format::PlyParts | Format::Npz | Format::Physgaussian => {}
         }
     }
@@ -154,6 +182,8 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
             Format::PlyParts => ply_parts::write(model, &mut files)?,
             Format::Npz => npz::write(model, &mut files)?,
             Format::Physgaussian => physgaussian::write(model, &mut files)?,
+            Format::Asset => asset::write(&model.asset.ok_or(ExportError::NotAMesh)?, &shared, &mut files)?,
+            Format::Csv => asset::write_tables(&model.asset.ok_or(ExportError::NotAMesh)?, model, &mut files)?,
         }
     }
     Ok(files.written)
@@ -210,6 +240,7 @@ impl Shared<'_> {
             grasps: self.model.grasps,
             source: self.model.source,
             note_on_scale: self.model.note_on_scale(),
+            own_mesh: None,
         })
     }
 }
@@ -225,6 +256,15 @@ struct Rigid<'a> {
     grasps: &'a [Candidate],
     source: &'a str,
     note_on_scale: Option<&'static str>,
+    /// The mesh that URDF shows instead of the skin.
+    own_mesh: Option<OwnMesh>,
+}
+
+/// A mesh file beside the export.
+struct OwnMesh {
+    file: String,
+    /// Metres per unit, along each axis.
+    scale: [f64; 3],
 }
 
 impl Rigid<'_> {
@@ -239,10 +279,19 @@ impl Rigid<'_> {
         (object.mass_kg.mid, object.center_of_mass_m, object.inertia_kg_m2)
     }
 
-    /// The corners of the box around the colliders, m.
+    /// The least friction of all colliders; of all parts that have a mass, if there are no colliders.
+    fn least_friction(&self) -> f64 {
+        let of_colliders = self.colliders.iter().map(|collider| self.label(collider));
+        let has_mass = |label: &&FieldLabel| self.parts.of_label(label.id).is_some_and(|part| part.mass_kg.is_some());
+        let of_parts = self.labels.iter().filter(has_mass).filter(|_| self.colliders.is_empty());
+        of_colliders.chain(of_parts).map(|label| label.friction_rubber.mid).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The corners of the box around the colliders, m; around the skin, if there are none.
     fn extent(&self) -> (Point3<f64>, Point3<f64>) {
-        let mut vertices = self.colliders.iter().flat_map(|collider| &collider.vertices);
-        let first = *vertices.next().expect("an object with a mass has colliders");
+        let of_skin = self.skin.mesh.vertices.iter().filter(|_| self.colliders.is_empty());
+        let mut vertices = self.colliders.iter().flat_map(|collider| &collider.vertices).chain(of_skin);
+        let first = *vertices.next().expect("an object with a mass has a shape");
         vertices.fold((first, first), |(low, high), v| (low.inf(v), high.sup(v)))
     }
 
@@ -259,6 +308,23 @@ impl Rigid<'_> {
 /// The label of the part with this id, which owns cells of the object.
 fn label_of(labels: &[FieldLabel], part_id: u32) -> &FieldLabel {
     labels.iter().find(|label| label.id == part_id).expect("cells belong to parts that have a label")
+}
+
+/// What is said of a part in `extras` and in JSON.
+fn part_facts(model: &Model, part: u32) -> Value {
+    let label = label_of(&model.field.labels, part);
+    let weighed = model.parts.and_then(|parts| parts.of_label(part));
+    json!({
+        "part": part,
+        "caption": label.caption,
+        "material": label.material,
+        "family": label.family,
+        "density_kg_m3": label.density_kg_m3.mid,
+        "mass_kg": weighed.as_ref().and_then(|part| part.mass_kg).map(|mass| mass.mid),
+        "volume_m3": weighed.as_ref().and_then(|part| part.volume_m3).map(|volume| volume.mid),
+        "friction_rubber": label.friction_rubber.mid,
+        "youngs_modulus_pa": label.youngs_modulus_pa.mid,
+    })
 }
 
 /// Most bytes of an [`identifier`]: file systems allow 255, and an ending follows.

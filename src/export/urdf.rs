@@ -6,7 +6,7 @@
 
 use std::fmt::Write;
 
-use super::{ExportError, Files, Rigid, obj, spaced};
+use super::{ExportError, Files, OwnMesh, Rigid, obj, spaced};
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.urdf", rigid.name), |out| out.write_all(text(rigid).as_bytes()))?;
@@ -27,8 +27,10 @@ fn text(rigid: &Rigid) -> String {
 "#,
         );
     }
-    let frictions = rigid.colliders.iter().map(|collider| rigid.label(collider).friction_rubber.mid);
-    let least = frictions.fold(f64::INFINITY, f64::min);
+    let least = rigid.least_friction();
+    let skin = || format!(r#"<mesh filename="meshes/{}_skin.obj"/>"#, rigid.name);
+    let own = |mesh: &OwnMesh| format!(r#"<mesh filename="{}" scale="{}"/>"#, escaped(&mesh.file), spaced(mesh.scale));
+    let visual = rigid.own_mesh.as_ref().map_or_else(skin, own);
     format!(
         r#"{note}<robot name="{name}" xmlns:drake="http://drake.mit.edu">
   <mujoco><compiler strippath="false" discardvisual="false"/></mujoco>
@@ -41,7 +43,7 @@ fn text(rigid: &Rigid) -> String {
       <mass value="{mass}"/>
       <inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="{}" iyz="{}"/>
     </inertial>
-    <visual name="skin"><geometry><mesh filename="meshes/{name}_skin.obj"/></geometry></visual>
+    <visual name="skin"><geometry>{visual}</geometry></visual>
 {colliders}  </link>
   <gazebo reference="{name}"><mu1>{least}</mu1><mu2>{least}</mu2></gazebo>
 </robot>
@@ -56,4 +58,9 @@ fn text(rigid: &Rigid) -> String {
         name = rigid.name,
         center = spaced(center),
     )
+}
+
+/// A text as the value of an attribute.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }

@@ -5,6 +5,7 @@
 
 pub mod jpeg;
 pub mod json;
+pub mod json_patch;
 pub mod npy;
 pub mod npz;
 pub mod read_scope;

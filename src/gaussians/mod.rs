@@ -37,6 +37,9 @@ pub struct Gaussians {
     /// For each Gaussian, whether it is set aside (gprop's `scene::outliers`): it stays in the cloud and in the files
     /// that are written, but counts as transparent when the cloud is drawn or measured. Empty if none is.
     pub set_aside: Vec<bool>,
+    /// For each Gaussian, the connected surface on which it lies, if the cloud was sampled from a mesh: surfaces have nothing in
+    /// common, however near they are. Empty for a splat, of which nothing is known.
+    pub surface: Vec<u32>,
 }
 
 /// A vertex property that gprop passes through without interpreting it.
@@ -78,6 +81,11 @@ impl Gaussians {
     /// True if Gaussian `i` is set aside.
     pub fn is_set_aside(&self, i: usize) -> bool {
         self.set_aside.get(i).copied().unwrap_or(false)
+    }
+
+    /// The connected surface on which Gaussian `i` lies; the same for all of a splat.
+    pub fn surface_of(&self, i: usize) -> u32 {
+        self.surface.get(i).copied().unwrap_or(0)
     }
 
     /// Opacity of Gaussian `i`, 0 to 1; 0 if it is set aside.
@@ -140,6 +148,11 @@ impl Gaussians {
             self.set_aside.resize(self.len(), false);
             self.set_aside.extend((0..other.len()).map(|i| other.is_set_aside(i)));
         }
+        if self.surface.is_empty() != other.surface.is_empty() {
+            self.surface.clear();
+        } else {
+            self.surface.extend(&other.surface);
+        }
         self.positions.extend(&other.positions);
         self.log_scales.extend(&other.log_scales);
         self.rotations.extend(&other.rotations);
@@ -165,6 +178,9 @@ impl Gaussians {
         let rest = 3 * self.sh_rest_per_channel();
         if !self.set_aside.is_empty() {
             repeat_rows(&mut self.set_aside, 1, sources);
+        }
+        if !self.surface.is_empty() {
+            repeat_rows(&mut self.surface, 1, sources);
         }
         repeat_rows(&mut self.positions, 1, sources);
         repeat_rows(&mut self.log_scales, 1, sources);
@@ -192,6 +208,9 @@ impl Gaussians {
         retain_rows(&mut self.sh_rest, rest, kept);
         if !self.set_aside.is_empty() {
             retain_rows(&mut self.set_aside, 1, kept);
+        }
+        if !self.surface.is_empty() {
+            retain_rows(&mut self.surface, 1, kept);
         }
         for extra in &mut self.extra {
             retain_rows(&mut extra.values, 1, kept);

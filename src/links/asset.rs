@@ -2,12 +2,13 @@
 //! Every other byte is as it was.
 
 use std::collections::BTreeSet;
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 use nalgebra::{Matrix3, Vector3};
 
 use super::LinksError;
 use super::weighed::{Found, Links};
+use crate::export::below;
 use crate::files;
 use crate::files::read_scope::ReadScope;
 use crate::files::write::Folder;
@@ -86,13 +87,6 @@ fn statement(found: &Found) -> Statement {
         inertia_kg_m2: Some(Matrix3::from_fn(|row, column| found.inertia_kg_m2[row][column])),
         friction: Some(found.friction_rubber).filter(|friction| friction.is_finite()),
     }
-}
-
-/// The path as seen from the folder, if it lies in it.
-fn below(path: &Path, folder: &Path) -> Option<PathBuf> {
-    let [path, folder] = [path, folder].map(|path| path.canonicalize().ok());
-    let relative = path?.strip_prefix(folder?).ok()?.to_owned();
-    relative.components().all(|component| matches!(component, Component::Normal(_))).then_some(relative)
 }
 
 /// The meshes that a container names and may read, each with the files that it names itself.

@@ -1,18 +1,24 @@
 //! A link as a GLB with the looks of its meshes, as a scene that gprop reads.
 
 use std::collections::HashMap;
+use std::io;
 
 use serde_json::{Value, json};
 
 use super::shape::{LinkShape, Piece};
 use crate::export::gltf::Gltf;
+use crate::scene::mesh::gltf::physics::EXTENSION;
 use crate::scene::mesh::{Alpha, Face, Material, Mesh, Wrapping};
 
 /// The base colour of simple shapes: light grey.
 const GREY: f32 = 0.6;
 
-/// The file of a link's shape.
-pub fn gltf(shape: &LinkShape) -> Gltf {
+/// Writes the file of a link's shape. What the link is said to weigh is stated in the form that gprop reads, so that its report
+/// has it.
+///
+/// # Errors
+/// If it cannot be written, or would have more than 4 GB.
+pub fn write(shape: &LinkShape, claimed_mass_kg: Option<f64>, out: &mut dyn io::Write) -> io::Result<()> {
     let mut gltf = Gltf::default();
     let mut nodes = Vec::new();
     for piece in &shape.pieces {
@@ -28,8 +34,12 @@ pub fn gltf(shape: &LinkShape) -> Gltf {
         let mesh = gltf.meshes.len() - 1;
         nodes.push(gltf.node(json!({ "mesh": mesh })));
     }
-    gltf.node_z_up("link", &nodes);
-    gltf
+    let Some(mass) = claimed_mass_kg else {
+        gltf.node_z_up("link", &nodes);
+        return gltf.write(&[], None, out);
+    };
+    gltf.node_z_up_with("link", &nodes, &json!({ EXTENSION: { "motion": { "mass": mass } } }));
+    gltf.write(&[EXTENSION], None, out)
 }
 
 /// One primitive for each material that is used.

@@ -110,11 +110,19 @@ impl Prepared {
         let opened = Folder::open(&folder).map_err(|source| failed(&folder, source))?;
         for (name, shape) in objects {
             let file = PathBuf::from(format!("{name}.glb"));
-            let gltf = glb::gltf(shape);
-            let written = opened.write(&file, |out| gltf.write(&[], None, out));
+            let claimed = self.claimed_mass_kg(name);
+            let written = opened.write(&file, |out| glb::write(shape, claimed, out));
             written.map_err(|source| failed(&folder.join(&file), source))?;
         }
         Ok(())
+    }
+
+    /// The mass on which all links that an object shows agree, of those that state one.
+    fn claimed_mass_kg(&self, object: &str) -> Option<f64> {
+        let shown = self.container.bodies.iter().zip(&self.object_of).filter(|(_, of)| of.as_deref() == Some(object));
+        let mut masses = shown.filter_map(|(body, _)| body.inertial.as_ref()?.mass_kg);
+        let first = masses.next().filter(|mass| mass.is_finite() && *mass > 0.0)?;
+        masses.all(|mass| mass == first).then_some(first)
     }
 
     /// The folder of the meshes, each of which is a scene of its own.

@@ -91,6 +91,7 @@ fn piece(shape: &Shape, meshes: &mut Meshes) -> Result<Option<Piece>, String> {
             let mesh = meshes.get(path)?;
             Ok(Some(Piece { surface: placed(&mesh.surface, used, pose), mesh: Some(mesh) }))
         }
+        Geometry::Own(own) => Ok(Some(Piece { surface: own.surface.as_ref().clone(), mesh: None })),
         simple => {
             let mut surface = simple::surface(simple);
             surface.vertices.iter_mut().for_each(|vertex| *vertex = (pose * Point3::from(*vertex)).into());

@@ -17,7 +17,7 @@ pub fn surface(shape: &Geometry) -> Triangles {
         Geometry::Sphere { radius } => stretched(&ball(0.0), [radius; 3]),
         Geometry::Ellipsoid { half } => stretched(&ball(0.0), half),
         Geometry::Capsule { radius, half_length } => stretched(&ball(half_length / radius), [radius; 3]),
-        Geometry::Plane | Geometry::Mesh(_) | Geometry::Other(_) => Triangles::default(),
+        Geometry::Plane | Geometry::Mesh(_) | Geometry::Own(_) | Geometry::Other(_) => Triangles::default(),
     }
 }
 

@@ -111,6 +111,16 @@ pub fn principal(inertia: &Matrix3<f64>) -> Option<SymmetricEigen<f64, U3>> {
     SymmetricEigen::try_new(is_finite.then_some(*inertia)?, f64::EPSILON, MOST_SWEEPS)
 }
 
+/// The principal moments of an inertia, and the rotation from their axes to its own; `None` as for [`principal`].
+pub fn principal_axes(inertia: &Matrix3<f64>) -> Option<(Vector3<f64>, UnitQuaternion<f64>)> {
+    let eigen = principal(inertia)?;
+    let mut axes = eigen.eigenvectors;
+    if axes.determinant() < 0.0 {
+        axes.column_mut(2).neg_mut();
+    }
+    Some((eigen.eigenvalues, UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes))))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -193,7 +193,8 @@ pub fn parts_of_mesh<'a>(
     }
     let surface = Surface::of(&grid, &on_grid.cells);
     let in_view = vec![true; surface.cells.len()];
-    let cells = assign::assign(gaussians, &kept, &field.part_label, labels, grid, surface, &in_view);
+    let mut cells = assign::assign(gaussians, &kept, &field.part_label, labels, grid, surface, &in_view);
+    assign::keep_to_bodies(&mut cells, gaussians, &field.part_label, labels, mesh);
     let chords = thickness::chords(&cells);
     let wires = on_grid.share.iter().map(|share| Wire { share: *share, error: 0.0 }).collect();
     let of_mesh = OfMesh::of(mesh, on_grid, &cells, labels);

@@ -5,9 +5,11 @@ use std::path::{Path, PathBuf};
 use tracing::warn;
 
 use crate::error::Result;
-use crate::export::{self, Format, Model};
+use crate::export::{self, Asset, Colliders, Format, Model};
 use crate::grasp::GraspError;
 use crate::grasp::candidates::Candidate;
+use crate::units::MetricScale;
+use crate::words::readable::significant;
 
 use super::Pipeline;
 use super::stages::Stage;
@@ -16,7 +18,12 @@ use super::stages::parts::{metric_parts, scale, weighed_field};
 use crate::parts::Interior;
 
 /// Writes the object into `folder` once the parts are done, and returns the paths of the files.
-pub fn export(pipeline: &mut Pipeline, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>> {
+pub fn export(
+    pipeline: &mut Pipeline,
+    formats: &[Format],
+    colliders: Colliders,
+    folder: &Path,
+) -> Result<Vec<PathBuf>> {
     let has_grasps = formats.iter().any(|format| format.has_grasps());
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
@@ -36,7 +43,11 @@ pub fn export(pipeline: &mut Pipeline, formats: &[Format], folder: &Path) -> Res
         grasps: &grasps,
         source: &source,
         inputs: &open.scene.files,
+        asset: open.scene.mesh.as_deref().map(|mesh| Asset { mesh, colliders }),
     };
+    if let (true, Some(asset), Some(scale)) = (formats.contains(&Format::Asset), model.asset, model.scale) {
+        warn_of_unit(&asset, scale);
+    }
     Ok(export::export(&model, formats, folder)?)
 }
 
@@ -58,5 +69,17 @@ fn places_to_grasp(pipeline: &mut Pipeline) -> Result<Vec<Candidate>> {
             Ok(Vec::new())
         }
         Err(error) => Err(error),
+    }
+}
+
+/// A glTF is in metres for every program that reads it.
+fn warn_of_unit(asset: &Asset, scale: &MetricScale) {
+    let stated = asset.mesh.painted.mesh.meters_per_unit;
+    if stated.is_some_and(|stated| stated != scale.meters_per_unit) {
+        warn!(
+            "glTF is in metres, and --scale says that a unit of this file is {} m: programs that read it will show another size than \
+             the one that was weighed; scale the file itself",
+            significant(scale.meters_per_unit)
+        );
     }
 }

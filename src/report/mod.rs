@@ -25,7 +25,7 @@ pub use disagreement::{Disagreement, NamedMaterial};
 pub use motion::Motion;
 pub use page::page;
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures, shrink_object};
-pub use summary::{ESTIMATED, grasp_line, mass_line, misfit_line, part_lines, size_line, summary};
+pub use summary::{ESTIMATED, claim_line, grasp_line, mass_line, misfit_line, part_lines, size_line, summary};
 
 /// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its
 /// meaning or is removed.
@@ -110,6 +110,10 @@ pub struct SceneSummary {
     pub sh_degree: u8,
     /// `None` if the metric scale is unknown.
     pub scale: Option<MetricScale>,
+    /// The mass that the file of a mesh states, or the robot or scene whose link this is; missing if it states none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "f64"))]
+    pub claimed_mass_kg: Option<f64>,
     /// How photos and splat disagree, which makes all results meaningless; `None` if they agree.
     pub misfit: Option<String>,
     /// The longest side of the object's box, in scene units.

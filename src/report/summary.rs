@@ -10,7 +10,7 @@ use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::FieldLabel;
 use crate::words::output::{counted, one_line};
 use crate::words::part_name::part_name;
-use crate::words::readable::{Figures, figures, mass, significant};
+use crate::words::readable::{Figures, figures, interval, mass, significant};
 
 /// A few lines: the parts, the object, the grasp, the path of the report.
 pub fn summary(report: &Report, report_page: &Path) -> String {
@@ -26,6 +26,7 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
     text += &part_lines(&report.labels, report.parts.as_ref());
     if let Some(parts) = &report.parts {
         text += &mass_line(parts);
+        text += &claim_line(scene.claimed_mass_kg, parts);
         text += &size_line(scene.scale.as_ref(), scene.longest_side);
     }
     if let Some(grasp) = &report.grasp {
@@ -85,6 +86,16 @@ pub fn mass_line(parts: &Parts) -> String {
     let mass = figures(parts.object.mass_kg, 1.0);
     let estimated = if parts.estimated_scale.is_some() { ESTIMATED } else { "" };
     format!("mass   {} kg ({}){estimated}\n", mass.mid, mass.interval)
+}
+
+/// What the file said of the mass, beside what was found; nothing if it said nothing.
+pub fn claim_line(claimed_kg: Option<f64>, parts: &Parts) -> String {
+    claimed_kg.map_or_else(String::new, |claimed| format!("claim  {}\n", claim(claimed, parts.object.mass_kg)))
+}
+
+/// A claim beside what was found: "said 0.05 kg; gprop 0.55 to 0.78 kg".
+pub(super) fn claim(claimed_kg: f64, found: Estimate) -> String {
+    format!("said {} kg; gprop {} kg", significant(claimed_kg), interval(found, 1.0))
 }
 
 /// How long the object is if only its known mass gives the scale, so that a mass in the wrong unit is noticed; else

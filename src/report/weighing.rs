@@ -1,6 +1,7 @@
 //! Sentences about the object's mass: what it consists of besides the parts, where the width of its interval comes
 //! from, and what would narrow it.
 
+use super::summary::claim;
 use crate::parts::{ObjectBelief, Parts, Source, Width};
 use crate::units::Estimate;
 use crate::words::part_name::part_name;
@@ -9,8 +10,8 @@ use crate::words::readable::{Figures, interval, mass, significant};
 /// A cause that widens an interval by less than this factor is not worth a sentence.
 const WORTH_SAYING: f64 = 1.05;
 
-/// The sentences, the most important first.
-pub fn sentences(parts: &Parts) -> Vec<String> {
+/// The sentences, the most important first. `claimed_kg` is the mass that the file of the object states.
+pub fn sentences(parts: &Parts, claimed_kg: Option<f64>) -> Vec<String> {
     let filling = |filling: &crate::parts::Filling| {
         let around = parts.of_label(filling.inside_of);
         let name = around.map_or_else(|| "object".to_owned(), |part| part_name(&part.caption, &part.material));
@@ -29,11 +30,13 @@ pub fn sentences(parts: &Parts) -> Vec<String> {
         )
     });
     let fillings = parts.fillings.iter().map(filling);
+    let claimed = claimed_kg.map(|claimed| format!("The file {}.", claim(claimed, parts.object.mass_kg)));
     let estimated = parts.estimated_scale.as_ref();
     let estimated = estimated.map(|source| format!("All lengths and masses follow from a scale that is {source}."));
     let believed = parts.belief.iter().flat_map(beliefs);
-    estimated
+    claimed
         .into_iter()
+        .chain(estimated)
         .chain(weighed)
         .chain(believed)
         .chain(fillings)

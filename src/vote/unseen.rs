@@ -2,6 +2,11 @@
 //!
 //! Distance is measured in the Gaussians' own metric: that of two centres in standard deviations of the sum of their
 //! covariances (Mahalanobis). Flat Gaussians of one wall are near each other along the wall and far apart across it.
+//!
+//! Of a mesh, only Gaussians of the same connected surface count, if any of them is seen: the underside of a cup has the cup's
+//! label, however near the saucer is.
+
+use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 use rayon::prelude::*;
@@ -20,13 +25,41 @@ pub(super) fn fill(gaussians: &Gaussians, elected: &[Option<Elected>], neighbors
     if seen.is_empty() {
         return None;
     }
-    let nearest = Nearest::new(seen.iter().map(|&i| gaussians.positions[i]));
+    let of_surface = by_surface(gaussians, &seen);
+    let everywhere = Seen::of(gaussians, seen);
     let of_neighbors = |i: usize| {
-        let found = nearest.find(gaussians.positions[i], neighbors * CANDIDATES_PER_NEIGHBOR);
-        let found = found.into_iter().map(|(_, at)| seen[at as usize]);
+        let seen = of_surface.get(&gaussians.surface_of(i)).unwrap_or(&everywhere);
+        let found = seen.near(gaussians.positions[i], neighbors * CANDIDATES_PER_NEIGHBOR);
         most_frequent(&in_own_metric(gaussians, i, found), neighbors, elected)
     };
     (0..elected.len()).into_par_iter().map(|i| elected[i].map(|e| e.choice).or_else(|| of_neighbors(i))).collect()
+}
+
+/// Seen Gaussians, to be searched.
+struct Seen {
+    indices: Vec<usize>,
+    nearest: Nearest,
+}
+
+impl Seen {
+    fn of(gaussians: &Gaussians, indices: Vec<usize>) -> Self {
+        let nearest = Nearest::new(indices.iter().map(|&i| gaussians.positions[i]));
+        Self { indices, nearest }
+    }
+
+    /// The indices of the `count` nearest to a place, by Euclidean distance.
+    fn near(&self, to: [f32; 3], count: usize) -> impl Iterator<Item = usize> {
+        self.nearest.find(to, count).into_iter().map(|(_, at)| self.indices[at as usize])
+    }
+}
+
+/// The seen Gaussians of each connected surface; empty for a splat.
+fn by_surface(gaussians: &Gaussians, seen: &[usize]) -> BTreeMap<u32, Seen> {
+    let mut of_surface: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
+    for &i in seen.iter().filter(|_| !gaussians.surface.is_empty()) {
+        of_surface.entry(gaussians.surface_of(i)).or_default().push(i);
+    }
+    of_surface.into_iter().map(|(surface, indices)| (surface, Seen::of(gaussians, indices))).collect()
 }
 
 /// Sorts by squared Mahalanobis distance; among equals, the order stays.

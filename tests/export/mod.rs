@@ -1,5 +1,8 @@
 //! Exports, loaded by the programs that they are for. A test whose program is not installed says so.
 
+// The mesh itself again, with its physics.
+mod asset;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -29,6 +32,7 @@ fn model(measured: &Measured) -> Model<'_> {
         grasps: &[],
         source: "point_cloud.ply",
         inputs: &[],
+        asset: None,
     }
 }
 

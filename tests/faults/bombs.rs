@@ -14,7 +14,7 @@ use super::{assert_refused, run};
 use crate::batch::ball::Balls;
 
 /// A grey PNG whose header says `width` x `height`; its pixels are those of 1 x 1.
-fn png_that_claims(width: u32, height: u32) -> Vec<u8> {
+pub fn png_that_claims(width: u32, height: u32) -> Vec<u8> {
     let mut png = std::io::Cursor::new(Vec::new());
     GrayImage::new(1, 1).write_to(&mut png, ImageFormat::Png).unwrap();
     let mut png = png.into_inner();

@@ -15,6 +15,8 @@ mod growth;
 mod chaos;
 // Locks: who holds one, and that processes that have ended hold none.
 pub mod locks;
+// Meshes without triangles, with positions that are not numbers, with textures that unpack to gigabytes.
+mod meshes;
 // Named pipes and devices in place of files.
 mod pipes;
 // Read-only work folders.

@@ -8,6 +8,9 @@ const COARSE: f64 = 0.02;
 
 pub fn judge(subject: &Subject) -> Option<Finding> {
     let inertial = subject.inertial()?;
+    if subject.engines_fill_in() && !inertial.states_center {
+        return None;
+    }
     let hull = subject.size.hull.as_ref()?;
     let mass = subject.mass.kg().filter(|mass| *mass > 0.0)?;
     let outside = hull.beyond(&inertial.center_m());
@@ -19,7 +22,6 @@ pub fn judge(subject: &Subject) -> Option<Finding> {
             words::length(outside)
         )
     };
-    let remedy = "take that of the shape (--fix), or of the CAD model";
     (outside > COARSE * extent(&hull.corners).norm())
-        .then(|| subject.finding(Kind::Center, &inertial.place, problem(), remedy))
+        .then(|| subject.finding(Kind::Center, &inertial.place, problem(), subject.remedy_of_shape()))
 }

@@ -38,6 +38,14 @@ fn missing(subject: &Subject) -> Finding {
             "it states no friction, so every simulator takes a default of its own",
             "add <contact><lateral_friction value=\"..\"/></contact> (PyBullet), <drake:mu_static> (Drake) or <mu1> (Gazebo)",
         ),
+        Format::Gltf => (
+            "it states no friction, so every engine takes a default of its own",
+            "give its colliders a physicsMaterial",
+        ),
+        Format::Usd => (
+            "it states no friction, so every engine takes a default of its own",
+            "bind a material with PhysicsMaterialAPI to its colliders (material:binding:physics)",
+        ),
         Format::Mjcf => ("it states no friction, and MuJoCo takes 1", "give its geoms friction"),
     };
     subject.finding(Kind::FrictionMissing, &subject.body.place, problem.to_owned(), remedy)

@@ -17,8 +17,6 @@ const COARSE: f64 = 0.02;
 /// Equal moments within this factor of the shape's own are those of a ball or a cube.
 const NEAR: f64 = 1.5;
 
-const REMEDY: &str = "take that of the shape (--fix), or of the CAD model";
-
 /// The moments about the principal axes, in rising order, and the axes as columns.
 struct Principal {
     moments: [f64; 3],
@@ -42,9 +40,10 @@ pub fn judge(subject: &Subject) -> Option<Finding> {
     let inertial = subject.inertial()?;
     let mass = subject.mass.kg().filter(|mass| *mass > 0.0);
     let Some(inertia) = inertial.inertia_in_body() else {
-        let needs_one = mass.is_some() && subject.body.mobility != Mobility::Static;
+        let needs_one = mass.is_some() && subject.body.mobility != Mobility::Static && !subject.engines_fill_in();
         let problem = || "it has a mass and no inertia".to_owned();
-        return needs_one.then(|| subject.finding(Kind::InertiaMissing, &inertial.place, problem(), REMEDY));
+        return needs_one
+            .then(|| subject.finding(Kind::InertiaMissing, &inertial.place, problem(), subject.remedy_of_shape()));
     };
     // What does not move has no use for an inertia, and a body without mass has none.
     let is_nothing = inertia.iter().all(|number| *number == 0.0);
@@ -61,7 +60,7 @@ pub fn judge(subject: &Subject) -> Option<Finding> {
             Some((Kind::InertiaImpossible, problem))
         })
         .or_else(|| compared.and_then(|compared| compared.off()).map(|problem| (Kind::InertiaOff, problem)))?;
-    Some(subject.finding(kind, &inertial.inertia_place, problem, REMEDY))
+    Some(subject.finding(kind, &inertial.inertia_place, problem, subject.remedy_of_shape()))
 }
 
 /// A moment is the integral of squared distances from an axis, so it is positive, and none exceeds the sum of the others.

@@ -5,7 +5,7 @@ use std::sync::LazyLock;
 use super::super::measure::Mass;
 use super::{Finding, Kind, Subject, words};
 use crate::materials::MaterialLibrary;
-use crate::scene::mesh::containers::{Geometry, Mobility, Shape};
+use crate::scene::mesh::containers::{Format, Geometry, Mobility, Shape};
 
 /// Below this density only foams, fibres, honeycombs and fluff remain in the library. The lightest of the household objects
 /// with published masses that gprop's tolerances are fitted on, an empty pitcher with its lid on, has 70 kg/m3 by its scan; a
@@ -47,13 +47,17 @@ pub fn missing(subject: &Subject) -> Option<Finding> {
             format!("its mass is negative ({})", words::mass(mass))
         }
         Mass::Stated(0.0) if body.shapes.is_empty() || is_decoration || !is_part_of_moving => return None,
+        Mass::Stated(0.0) if subject.container.format == Format::Gltf => {
+            "its mass is 0, which stands for one without end".to_owned()
+        }
         Mass::Stated(0.0) => {
             "its mass is 0, by which PyBullet fixes it to the world, and which other simulators refuse or replace"
                 .to_owned()
         }
         Mass::OfShapes(0.0) if body.mobility == Mobility::Moves => "its shapes have no mass, and it moves".to_owned(),
         Mass::ByDefault(mass) if is_part_of_moving => format!(
-            "neither mass nor density is stated, and MuJoCo takes the density of water, which makes about {}",
+            "neither mass nor density is stated, and {} the density of water, which makes about {}",
+            if subject.container.format == Format::Mjcf { "MuJoCo takes" } else { "engines take" },
             words::mass(mass)
         ),
         Mass::Unknown | Mass::Stated(_) | Mass::OfShapes(_) | Mass::ByDefault(_) => return None,

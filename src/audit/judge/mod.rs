@@ -15,9 +15,9 @@ use std::path::Path;
 use nalgebra::Matrix3;
 
 use super::measure::{Mass, Size};
-use super::meshes::{Meshes, is_of_known_format};
+use super::meshes::{MeshId, Meshes, is_of_known_format};
 use super::{Args, Finding, Kind};
-use crate::scene::mesh::containers::{Body, Container, Geometry, Inertial, Place};
+use crate::scene::mesh::containers::{Body, Container, Format, Geometry, Inertial, Place};
 
 /// What was found out about a container.
 pub struct Judged {
@@ -57,6 +57,19 @@ impl Subject<'_> {
     /// Where the mass is written, or else the body.
     fn mass_place(&self) -> &Place {
         self.inertial().map_or(&self.body.place, |inertial| &inertial.place)
+    }
+
+    /// Whether engines compute the inertia and the centre that a file of this format leaves out.
+    fn engines_fill_in(&self) -> bool {
+        matches!(self.container.format, Format::Gltf | Format::Usd)
+    }
+
+    /// What to do about an inertia or a centre that is wrong.
+    fn remedy_of_shape(&self) -> &'static str {
+        match self.container.format {
+            Format::Usd => "take that of the shape, or of the CAD model",
+            Format::Urdf | Format::Mjcf | Format::Gltf => "take that of the shape (--fix), or of the CAD model",
+        }
     }
 
     /// The inertia of the shape with this mass and one density, about its own centre along the body's axes.
@@ -139,7 +152,7 @@ fn unread_meshes(subject: &Subject, meshes: &Meshes, unread: &mut BTreeSet<Strin
                 let (problem, remedy) = text.split_once("; ").unwrap_or((&text, "mend the name"));
                 (format!("the mesh {problem}"), remedy.to_owned())
             }
-            Ok(file) => match meshes.get(file) {
+            Ok(file) => match meshes.get(&MeshId { file: file.clone(), number: None }) {
                 Some(Err(_)) if !is_of_known_format(file) => {
                     unread.insert(used.named.clone());
                     continue;

@@ -1,26 +1,25 @@
 //! Meshes: closed, facing outward, and with two triangles at every edge. Each mesh is told of once, where it is first used.
 
 use std::collections::BTreeSet;
-use std::path::PathBuf;
 
-use super::super::meshes::Meshes;
+use super::super::meshes::{MeshId, Meshes};
 use super::{Finding, Kind, Subject, file_name};
-use crate::scene::mesh::containers::Geometry;
 use crate::scene::mesh::solid::Topology;
 use crate::words::output::{agreeing, counted};
 
-pub fn judge(subject: &Subject, meshes: &Meshes, told: &mut BTreeSet<PathBuf>) -> Vec<Finding> {
+pub fn judge(subject: &Subject, meshes: &Meshes, told: &mut BTreeSet<MeshId>) -> Vec<Finding> {
     let mut findings = Vec::new();
     for shape in &subject.body.shapes {
-        let Geometry::Mesh(used) = &shape.geometry else { continue };
-        let Ok(file) = &used.file else { continue };
-        let Some(Ok(mesh)) = meshes.get(file) else { continue };
-        if !told.insert(file.clone()) {
+        let Some(id) = MeshId::of(&shape.geometry) else { continue };
+        let Some(Ok(mesh)) = meshes.get(&id) else { continue };
+        let name =
+            if id.number.is_none() { format!("the mesh {:?}", file_name(&id.file)) } else { "its mesh".to_owned() };
+        if !told.insert(id) {
             continue;
         }
         let problems = problems(&mesh.topology);
         if !problems.is_empty() {
-            let problem = format!("the mesh {:?} {}", file_name(file), problems.join(", "));
+            let problem = format!("{name} {}", problems.join(", "));
             let remedy = "mend the mesh: its volume and inertia depend on it";
             findings.push(subject.finding(Kind::Surface, &shape.place, problem, remedy));
         }

@@ -44,7 +44,8 @@ pub fn judge(subject: &Subject) -> Option<Finding> {
             by_size(longest).filter(|_| !is_flat)?
         }
     };
-    let is_mesh = |shape: &&crate::scene::mesh::containers::Shape| matches!(shape.geometry, Geometry::Mesh(_));
+    let is_mesh =
+        |shape: &&crate::scene::mesh::containers::Shape| matches!(shape.geometry, Geometry::Mesh(_) | Geometry::Own(_));
     let shapes = &subject.body.shapes;
     let place = shapes.iter().find(is_mesh).or(shapes.first()).map_or(&subject.body.place, |shape| &shape.place);
     let problem = format!(

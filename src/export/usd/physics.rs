@@ -3,16 +3,18 @@
 
 use std::fmt::Write;
 
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::Matrix3;
 
 use super::text::{quoted, triple};
 use crate::export::Rigid;
+use crate::numeric::principal_axes;
 use crate::vote::FieldLabel;
 
 /// The attributes of the rigid body's mass.
 pub fn mass(rigid: &Rigid) -> String {
     let (mass, center, inertia) = rigid.inertial();
-    let (diagonal, axes) = principal(inertia);
+    let inertia = Matrix3::from_fn(|row, column| inertia[row][column]);
+    let (diagonal, axes) = principal_axes(&inertia).unwrap_or_default();
     format!(
         r"    point3f physics:centerOfMass = {center}
     float3 physics:diagonalInertia = {diagonal}
@@ -20,23 +22,12 @@ pub fn mass(rigid: &Rigid) -> String {
     quatf physics:principalAxes = ({w}, {i}, {j}, {k})
 ",
         center = triple(center),
-        diagonal = triple(diagonal),
+        diagonal = triple(diagonal.into()),
         w = axes.w,
         i = axes.i,
         j = axes.j,
         k = axes.k,
     )
-}
-
-/// Principal moments and the rotation from their axes to the body's.
-fn principal(inertia: [[f64; 3]; 3]) -> ([f64; 3], UnitQuaternion<f64>) {
-    let eigen = Matrix3::from_fn(|row, column| inertia[row][column]).symmetric_eigen();
-    let mut axes = eigen.eigenvectors;
-    if axes.determinant() < 0.0 {
-        axes.column_mut(2).neg_mut();
-    }
-    let turn = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(axes));
-    (eigen.eigenvalues.into(), turn)
 }
 
 /// The materials of all parts, and the one of the Gaussians.

@@ -4,6 +4,7 @@
 //! with distances measured in each Gaussian's own metric. Surface that no view saw belongs to the same part as the seen
 //! surface around it. Below the surface nothing is seen; [`seam`] carries the labels inward.
 
+mod bodies;
 mod region;
 mod seam;
 
@@ -11,6 +12,7 @@ use super::grid::Grid;
 use super::grid::splat_cells::splat;
 use super::grid::surface::{NONE, Surface, distance_to};
 use crate::gaussians::Gaussians;
+pub use bodies::keep_to_bodies;
 
 /// A surface cell with less summed opacity than this counts as unseen and takes its label from the seen surface around
 /// it.

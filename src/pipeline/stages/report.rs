@@ -105,6 +105,7 @@ pub(crate) fn report(open: &OpenScene, job: &Job) -> Result<Report> {
             gaussians: scene.gaussians.len(),
             sh_degree: scene.gaussians.sh_degree,
             scale: parts::scale(open)?,
+            claimed_mass_kg: scene.mesh.as_ref().and_then(|mesh| mesh.painted.mesh.claimed_mass_kg),
             misfit: scene::misfit(open)?,
             longest_side: longest_side(&scene.gaussians),
             views: open.views.iter().map(|view| view.name.clone()).collect(),

@@ -59,7 +59,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         motion_note => motion.map(motion_note),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
         is_metric => report.parts.is_some(),
-        weighing => report.parts.as_ref().map(sentences),
+        weighing => report.parts.as_ref().map(|parts| sentences(parts, report.scene.claimed_mass_kg)),
         object => report.parts.as_ref().and_then(|parts| object::object(parts, pictures)),
         grasp => report.grasp.as_ref().map(|report| grasp(report, pictures)),
         simulation => report.simulation.as_ref().map(|run| simulation(run, pictures)),

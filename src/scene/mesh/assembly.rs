@@ -1,7 +1,7 @@
 //! A mesh while its reader fills it. Whatever the file says is checked here: indices, numbers and counts.
 
 use super::texture::check_pictures;
-use super::{Face, Material, Mesh, Names, Picture, Problem, Triangles, polygon};
+use super::{Face, Material, Mesh, Names, Picture, PlacedPrimitive, Problem, Triangles, polygon};
 
 /// The most vertices of a mesh after its instances are placed: 30 times those of a detailed scan.
 pub const MOST_VERTICES: usize = 30_000_000;
@@ -23,6 +23,9 @@ pub(super) struct Assembly {
     pub material_names: Vec<String>,
     pub pictures: Vec<Picture>,
     piece_names: Vec<String>,
+    pub placed: Vec<PlacedPrimitive>,
+    /// The mass that the file states.
+    pub claimed_mass_kg: Option<f64>,
     pub notes: Vec<String>,
     pub warnings: Vec<String>,
 }
@@ -128,10 +131,17 @@ impl Assembly {
             pictures: self.pictures,
             names: Names { pieces: self.piece_names, materials: self.material_names },
             meters_per_unit,
+            placed: self.placed,
+            claimed_mass_kg: self.claimed_mass_kg,
             files: Vec::new(),
             notes: self.notes,
             warnings: self.warnings,
         })
+    }
+
+    /// The surface alone, which may have no triangles.
+    pub fn into_surface(self) -> Triangles {
+        self.surface
     }
 
     /// Says how many triangles have a texture but no coordinates to place it with.

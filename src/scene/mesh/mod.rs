@@ -13,8 +13,9 @@
 
 mod assembly;
 mod beside;
+mod connected;
 mod error;
-mod gltf;
+pub mod gltf;
 mod obj;
 mod painted;
 mod ply;
@@ -24,13 +25,17 @@ mod sampled;
 mod stl;
 mod texture;
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+
+use nalgebra::{Matrix3, Rotation3};
 
 use crate::files::read_scope::ReadScope;
 use beside::Beside;
 
 pub use assembly::{MOST_PIECES, MOST_TRIANGLES, MOST_VERTICES};
 pub use beside::MOST_BYTES;
+pub use connected::surface_of_triangles;
 pub use error::{MeshError, Problem};
 pub use painted::PaintedMesh;
 pub use problems::{GltfProblem, ObjProblem, PlyProblem, StlProblem};
@@ -71,12 +76,33 @@ pub struct Mesh {
     pub names: Names,
     /// Metres per unit, if the format says so: 1 for glTF, `None` for the others.
     pub meters_per_unit: Option<f64>,
+    /// The primitives of a glTF in the order in which they were placed; empty for other formats.
+    pub placed: Vec<PlacedPrimitive>,
+    /// The mass that the file states, if its format can, and it does.
+    pub claimed_mass_kg: Option<f64>,
     /// Every file that was read, the mesh's own first, and those of the pictures.
     pub files: Vec<PathBuf>,
     /// What the file holds and gprop does not use.
     pub notes: Vec<String>,
     /// What is missing or could not be read, and what was used instead.
     pub warnings: Vec<String>,
+}
+
+/// A primitive of a glTF's mesh.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct GltfPrimitive {
+    /// Its index in the file.
+    pub mesh: usize,
+    /// Its index in the mesh.
+    pub primitive: usize,
+}
+
+/// A primitive where a node or an instance has placed it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct PlacedPrimitive {
+    pub source: GltfPrimitive,
+    /// Its vertices among those of the [`Mesh`], in the order of its attributes.
+    pub vertices: Range<u32>,
 }
 
 /// What is known of a triangle besides its corners.
@@ -146,13 +172,18 @@ pub enum Axes {
     ZUp,
 }
 
+/// Turns z up into glTF's y up: `(x, y, z)` becomes `(x, z, -y)`.
+pub fn y_up_from_z_up() -> Rotation3<f64> {
+    Rotation3::from_matrix_unchecked(Matrix3::new(1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, -1.0, 0.0))
+}
+
 /// A format of meshes.
 pub struct MeshFormat {
     /// The ending of its file names in lower case, with the dot.
     pub ending: &'static str,
     read: fn(&[u8], &mut Beside<'_>) -> Result<Mesh, Problem>,
     /// Whether y points up by the format's specification.
-    is_y_up: bool,
+    pub is_y_up: bool,
 }
 
 /// Every format of meshes that gprop reads.

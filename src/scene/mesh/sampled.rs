@@ -10,6 +10,7 @@ use std::collections::HashMap;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::Problem;
+use super::connected::surface_of_triangles;
 use super::painted::{PaintedMesh, area_normal};
 use crate::gaussians::{Gaussians, SH_C0};
 use crate::numeric::srgb;
@@ -83,7 +84,12 @@ pub fn sample(painted: &PaintedMesh) -> Result<SampledSurface, Problem> {
             taken.add(sample);
         }
     }
-    if sampled.triangles.is_empty() { Err(Problem::NoArea) } else { Ok(sampled) }
+    if sampled.triangles.is_empty() {
+        return Err(Problem::NoArea);
+    }
+    let surface_of = surface_of_triangles(&painted.mesh.surface);
+    sampled.gaussians.surface = sampled.triangles.iter().map(|triangle| surface_of[*triangle as usize]).collect();
+    Ok(sampled)
 }
 
 /// Shares of a triangle's corners, evenly spread for any run of numbers (R2 on the square, folded onto the triangle with the

@@ -120,6 +120,7 @@ fn between([from, to]: [&Gaussians; 2], simulated: &[bool], around: [Option<Poin
         antialiased: to.antialiased,
         extra: Vec::new(),
         set_aside: to.set_aside.clone(),
+        surface: to.surface.clone(),
     }
 }
 

@@ -5,6 +5,8 @@ use std::path::PathBuf;
 
 use thiserror::Error;
 
+use crate::scene::mesh::MeshError;
+
 /// Why a container cannot be read.
 #[derive(Debug, Error)]
 pub enum ContainerError {
@@ -12,7 +14,9 @@ pub enum ContainerError {
     Unreadable { path: PathBuf, source: io::Error },
     #[error("{path:?}, {broken}")]
     Broken { path: PathBuf, broken: Broken },
-    #[error("{path:?} is none of URDF, MJCF, USD and glTF: {found}")]
+    #[error(transparent)]
+    Mesh(#[from] MeshError),
+    #[error("{path:?} is none of URDF, MJCF, USD and glTF with physics: {found}")]
     NotAContainer { path: PathBuf, found: String },
 }
 

@@ -1,7 +1,9 @@
 //! Containers: files that put meshes and simple shapes together into the links of a robot or the bodies of a scene, and that
 //! state masses, inertias and frictions. [`read`] turns each format into the same [`Container`]:
 //! - [`urdf`]: a tree of links;
-//! - [`mjcf`]: MuJoCo's bodies, after includes, default classes and the compiler's settings.
+//! - [`mjcf`]: MuJoCo's bodies, after includes, default classes and the compiler's settings;
+//! - `gltf`: the rigid bodies of a glTF or GLB;
+//! - `usd`: those of a USD in text.
 //!
 //! [`xml`] keeps the place of everything, so that each value can be named by line and replaced byte for byte;
 //! [`write`] does the latter;
@@ -9,17 +11,22 @@
 
 mod error;
 mod files;
+mod frame;
+mod gltf;
 pub mod mjcf;
 pub mod numbers;
 pub mod urdf;
+mod usd;
 pub mod write;
 pub mod xml;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use nalgebra::{Isometry3, Matrix3, Vector3};
 
+use super::{MeshFormat, Triangles};
 use crate::files::read_scope::ReadScope;
 
 pub use error::{Broken, ContainerError};
@@ -30,6 +37,8 @@ pub use files::FileProblem;
 pub enum Format {
     Urdf,
     Mjcf,
+    Gltf,
+    Usd,
 }
 
 impl Format {
@@ -37,6 +46,8 @@ impl Format {
         match self {
             Self::Urdf => "URDF",
             Self::Mjcf => "MJCF",
+            Self::Gltf => "glTF",
+            Self::Usd => "USD",
         }
     }
 }
@@ -206,6 +217,8 @@ pub enum Geometry {
     /// Without end.
     Plane,
     Mesh(MeshUse),
+    /// A mesh in the container itself, in the frame of the body.
+    Own(OwnMesh),
     /// What gprop does not measure, by the format's word for it.
     Other(String),
 }
@@ -219,6 +232,15 @@ pub struct MeshUse {
     pub scale: [f64; 3],
     /// The mesh's own frame before the scale: MuJoCo's `refpos` and `refquat`.
     pub reference: Isometry3<f64>,
+}
+
+/// A mesh in a container.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OwnMesh {
+    pub file: PathBuf,
+    /// Tells the meshes of the container apart.
+    pub number: usize,
+    pub surface: Arc<Triangles>,
 }
 
 /// A joint between two bodies.
@@ -238,6 +260,12 @@ pub struct Joint {
 /// # Errors
 /// [`ContainerError`] if the file cannot be read at all. What is wrong with a body or a shape is in the container's problems.
 pub fn read(path: &Path, scope: &ReadScope) -> Result<Container, ContainerError> {
+    if MeshFormat::of(path).is_some_and(|format| format.is_y_up) {
+        return gltf::read(path, scope);
+    }
+    if path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("usda")) {
+        return usd::read(path, &bytes_of(path)?);
+    }
     let document = document(path)?;
     match document.root().name() {
         "robot" => urdf::read(path, &document, scope),
@@ -249,15 +277,19 @@ pub fn read(path: &Path, scope: &ReadScope) -> Result<Container, ContainerError>
     }
 }
 
-/// The most bytes of an XML container: more than the limits of [`xml`] allow to be useful.
+/// The most bytes of a container in text: more than the limits of [`xml`] allow to be useful.
 const MOST_BYTES: usize = 256 << 20;
 
 /// The XML document at `path`.
 fn document(path: &Path) -> Result<xml::Document, ContainerError> {
+    xml::Document::parse(bytes_of(path)?).map_err(|broken| broken.of(path))
+}
+
+fn bytes_of(path: &Path) -> Result<Vec<u8>, ContainerError> {
     let unreadable = |source| ContainerError::Unreadable { path: path.to_owned(), source };
     let bytes = crate::files::read(path).map_err(unreadable)?;
     if bytes.len() > MOST_BYTES {
         return Err(Broken::new(1, "it has more than 256 MiB, which no container needs").of(path));
     }
-    xml::Document::parse(bytes).map_err(|broken| broken.of(path))
+    Ok(bytes)
 }

@@ -5,38 +5,80 @@
 //!    `KHR_mesh_quantization`).
 //! 2. `buffers` finds the bytes, `accessor` reads numbers out of them: everything is checked against what is there.
 //! 3. `look` reads materials, textures and their pictures.
-//! 4. `nodes` places the meshes of the scene's nodes and their instances; `primitive` reads their triangles.
+//! 4. `tree` lists the nodes of the scene, `nodes` places their meshes and instances; `primitive` reads their triangles.
+//! 5. [`physics`] reads what the file says of rigid bodies.
 
 mod accessor;
 mod buffers;
+mod file;
 mod look;
 mod nodes;
+pub mod physics;
 mod primitive;
+mod tree;
 
 use super::assembly::Assembly;
 use super::beside::Beside;
-use super::problems::GltfProblem as Problem;
-use super::{Mesh, Problem as MeshProblem};
+pub use super::problems::GltfProblem as Problem;
+use super::{Mesh, Problem as MeshProblem, Triangles};
 use crate::files::json;
 use buffers::Buffers;
 use gltf::Glb;
 use gltf::json::Root;
+use nalgebra::Matrix4;
+use serde_json::Value;
+
+use physics::Outline;
+
+pub use file::{GltfFile, binary_chunk, write_glb};
+pub use tree::{PlacedNode, rotation as quaternion, rotation_of};
 
 /// The JSON and its buffers.
-struct Document<'a> {
-    root: Root,
+pub(super) struct Document<'a> {
+    pub root: Root,
     buffers: Buffers<'a>,
 }
 
-pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Mesh, MeshProblem> {
-    let (json, binary) = split(bytes)?;
-    let root: Root = json::parse(json).map_err(Problem::Json)?;
-    if !root.asset.version.starts_with("2.") {
-        return Err(Problem::Version { version: root.asset.version.chars().take(20).collect() }.into());
+impl<'a> Document<'a> {
+    /// The glTF or GLB in these bytes.
+    pub fn open(bytes: &'a [u8], beside: &mut Beside<'_>) -> Result<Self, MeshProblem> {
+        let (json, binary) = split(bytes)?;
+        let root: Root = json::parse(json).map_err(Problem::Json)?;
+        if !root.asset.version.starts_with("2.") {
+            return Err(Problem::Version { version: root.asset.version.chars().take(20).collect() }.into());
+        }
+        let buffers = Buffers::open(&root, binary, beside)?;
+        Ok(Self { root, buffers })
     }
-    let buffers = Buffers::open(&root, binary, beside)?;
-    let document = Document { root, buffers };
+
+    /// An extension of the whole file.
+    pub fn extension(&self, name: &str) -> Option<&Value> {
+        self.root.extensions.as_ref()?.others.get(name)
+    }
+
+    /// A node and those below it, with their places if its own is `place`.
+    pub fn below(&self, index: usize, place: Matrix4<f64>) -> Result<Vec<(usize, Matrix4<f64>)>, Problem> {
+        let nodes = tree::below(&self.root, vec![index])?;
+        let Some(top) = nodes.first().and_then(|top| top.world_from_node.try_inverse()) else { return Ok(Vec::new()) };
+        Ok(nodes.iter().map(|node| (node.index, place * top * node.world_from_node)).collect())
+    }
+
+    /// The triangles of the meshes of these nodes, each at its place.
+    pub fn surface(&self, nodes: &[(usize, Matrix4<f64>)]) -> Result<Triangles, MeshProblem> {
+        let mut assembly = Assembly::default();
+        // Looks do not matter.
+        let looks = vec![None; self.root.materials.len() + 1];
+        for (index, place) in nodes {
+            nodes::place(self, *index, place, &looks, &mut assembly)?;
+        }
+        Ok(assembly.into_surface())
+    }
+}
+
+pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Mesh, MeshProblem> {
+    let document = Document::open(bytes, beside)?;
     let mut assembly = Assembly::default();
+    assembly.claimed_mass_kg = Outline::of_root(&document.root)?.mass_kg();
     note_unused(&document.root, &mut assembly);
     let materials = look::read(&document, beside, &mut assembly)?;
     nodes::place_all(&document, &materials, &mut assembly)?;

@@ -8,7 +8,7 @@ use nalgebra::{Matrix4, Point3};
 use super::look::Placement;
 use super::{Document, Problem};
 use crate::scene::mesh::assembly::{Assembly, Corner};
-use crate::scene::mesh::{MOST_TRIANGLES, Problem as MeshProblem};
+use crate::scene::mesh::{GltfPrimitive, MOST_TRIANGLES, PlacedPrimitive, Problem as MeshProblem};
 
 const DRACO: &str = "KHR_draco_mesh_compression";
 
@@ -91,6 +91,7 @@ impl<'a> Primitive<'a> {
         &self,
         world_from_mesh: &Matrix4<f64>,
         name: &str,
+        source: GltfPrimitive,
         assembly: &mut Assembly,
     ) -> Result<(), MeshProblem> {
         let place = || self.place.to_owned();
@@ -99,6 +100,7 @@ impl<'a> Primitive<'a> {
         }
         assembly.piece(name.to_owned(), place)?;
         let first = assembly.vertices().len() as u32;
+        assembly.placed.push(PlacedPrimitive { source, vertices: first..first + self.positions.len() as u32 });
         for (index, position) in self.positions.iter().enumerate() {
             let position = world_from_mesh.transform_point(&Point3::from(*position));
             let color = self.colors.get(index).copied();

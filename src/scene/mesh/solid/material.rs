@@ -7,8 +7,10 @@ use super::nesting::Nesting;
 use super::oriented::Oriented;
 use super::quadrature::{INTEGRALS, Integrals, Sample, integrate};
 use super::thickness::thickness;
+use super::tree::Tree;
 use super::winding::Winding;
 use super::{Doubt, Kind};
+use crate::numeric::forest::Forest;
 use crate::numeric::hull::Hull;
 use crate::units::Estimate;
 
@@ -40,13 +42,15 @@ pub struct Material {
     pub inverted: usize,
     /// How often each component winds around its inside: 1, or -1 for a void.
     pub turns: Vec<f64>,
+    /// Per component, the body to which it belongs: components that lie in each other, or cross, are one.
+    pub body_of: Vec<u32>,
 }
 
 /// How often a surface winds around places.
-pub struct Turning<'a> {
-    closed: Winding<'a>,
+pub struct Turning {
+    closed: Winding,
     /// Of the components that are not closed, if there are any.
-    open: Option<Winding<'a>>,
+    open: Option<Winding>,
 }
 
 /// How often a surface winds around one place.
@@ -64,9 +68,9 @@ impl Turns {
     }
 }
 
-impl<'a> Turning<'a> {
+impl Turning {
     /// Of a surface whose components wind around their insides as often as `turns` say.
-    pub fn of(surface: &'a Oriented, turns: &[f64]) -> Self {
+    pub fn of(surface: &Oriented, turns: &[f64]) -> Self {
         let Oriented { tree, component_of, components, .. } = surface;
         let component = |n: u32| component_of[n as usize] as usize;
         let is_closed = |n: u32| components[component(n)].is_closed;
@@ -77,8 +81,10 @@ impl<'a> Turning<'a> {
         }
     }
 
-    pub fn around(&self, point: Point3<f64>) -> Turns {
-        Turns { closed: self.closed.at(point).round(), open: self.open.as_ref().map_or(0.0, |open| open.at(point)) }
+    /// Around a point, given the tree of the same surface.
+    pub fn around(&self, tree: &Tree, point: Point3<f64>) -> Turns {
+        let open = self.open.as_ref().map_or(0.0, |open| open.at(tree, point));
+        Turns { closed: self.closed.at(tree, point).round(), open }
     }
 }
 
@@ -102,13 +108,13 @@ pub fn material(surface: &Oriented) -> Material {
     doubts.extend(layers.numerical_doubts(error / moments.volume));
     let solidity = if possible > 0.0 { sure / possible } else { 0.0 };
     let kind = layers.kind(&turns, &volume, solidity);
-    let inverted = layers.inverted();
+    let (inverted, body_of) = (layers.inverted(), layers.bodies());
     if kind == Kind::Sheet {
         // Of a sheet, only what it might hold is known.
         let volume = Estimate::new(0.0, 0.0, volume.high);
-        return Material { volume, moments: Moments::ZERO, kind, doubts, inverted, turns };
+        return Material { volume, moments: Moments::ZERO, kind, doubts, inverted, turns, body_of };
     }
-    Material { volume, moments, kind, doubts, inverted, turns }
+    Material { volume, moments, kind, doubts, inverted, turns, body_of }
 }
 
 /// The components and how they lie within each other.
@@ -132,7 +138,7 @@ impl<'a> Layers<'a> {
             let open = Winding::of(&surface.tree, |n| if closed(n).is_none() { 1.0 } else { 0.0 });
             for (component, is_in_open) in components.iter().zip(&mut is_in_open) {
                 let place = surface.corners[component.triangles[0] as usize][0];
-                *is_in_open = component.is_closed && open.at(place) > LEVELS[1];
+                *is_in_open = component.is_closed && open.at(&surface.tree, place) > LEVELS[1];
             }
         }
         Self { surface, nesting, is_in_open }
@@ -201,11 +207,11 @@ impl<'a> Layers<'a> {
         if self.is_simple() {
             return Integrals { moments: [self.total(turns); INTEGRALS], errors: [0.0; INTEGRALS] };
         }
-        let Oriented { corners, components, .. } = self.surface;
+        let Oriented { tree, corners, components, .. } = self.surface;
         let turning = Turning::of(self.surface, turns);
         // What closed components contribute is known exactly, so only the difference is integrated.
         let sample = |point: Point3<f64>| {
-            let around = turning.around(point);
+            let around = turning.around(tree, point);
             let field = around.sum();
             Sample { values: LEVELS.map(|level| f64::from(u8::from(field > level)) - around.closed), field }
         };
@@ -258,6 +264,20 @@ impl<'a> Layers<'a> {
             doubts.push(Doubt::Crossing { components: crossing, error });
         }
         doubts
+    }
+
+    fn bodies(&self) -> Vec<u32> {
+        // That components are of one body says nothing of their directions.
+        const ALIKE: bool = false;
+        let mut bodies = Forest::of(self.nesting.around.len());
+        let crossing: Vec<usize> = (0..self.nesting.crosses.len()).filter(|c| self.nesting.crosses[*c]).collect();
+        let crossing = crossing.windows(2).map(|pair| (pair[0], pair[1]));
+        let around = self.nesting.around.iter().enumerate();
+        let nested = around.flat_map(|(c, around)| around.iter().map(move |other| (c, *other as usize)));
+        for (one, other) in crossing.chain(nested) {
+            bodies.join(one, other, ALIKE);
+        }
+        bodies.numbered().0
     }
 
     fn inverted(&self) -> usize {

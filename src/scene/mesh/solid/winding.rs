@@ -15,8 +15,7 @@ use super::tree::{MOST_DEPTH, Tree, middle};
 const FAR: f64 = 2.0;
 
 /// The triangles of a tree, each with a weight.
-pub struct Winding<'a> {
-    tree: &'a Tree,
+pub struct Winding {
     /// Per triangle of the tree: 1, -1 if it is meant the other way round, or 0.
     weight: Vec<f64>,
     /// Per node of the tree.
@@ -37,9 +36,9 @@ struct Field {
     skew: Matrix3<f64>,
 }
 
-impl<'a> Winding<'a> {
+impl Winding {
     /// With a weight for each triangle by its number in the surface.
-    pub fn of(tree: &'a Tree, weight_of: impl Fn(u32) -> f64) -> Self {
+    pub fn of(tree: &Tree, weight_of: impl Fn(u32) -> f64) -> Self {
         let weight: Vec<f64> = tree.number.iter().map(|n| weight_of(*n)).collect();
         let none = Field {
             middle: Point3::origin(),
@@ -61,18 +60,18 @@ impl<'a> Winding<'a> {
             field.far_squared = FAR * FAR * reach.norm_squared();
             fields[at] = field;
         }
-        Self { tree, weight, fields }
+        Self { weight, fields }
     }
 
-    /// The winding number of a point.
-    pub fn at(&self, point: Point3<f64>) -> f64 {
+    /// The winding number of a point, given the same tree.
+    pub fn at(&self, tree: &Tree, point: Point3<f64>) -> f64 {
         let mut sum = 0.0;
         let mut stack = [0; MOST_DEPTH];
         let mut waiting = 1;
         while waiting > 0 {
             waiting -= 1;
             let at = stack[waiting] as usize;
-            let (node, field) = (&self.tree.nodes[at], &self.fields[at]);
+            let (node, field) = (&tree.nodes[at], &self.fields[at]);
             let offset = field.middle - point;
             if offset.norm_squared() > field.far_squared {
                 sum += field.far(offset);
@@ -81,8 +80,7 @@ impl<'a> Winding<'a> {
                 stack[waiting + 1] = at as u32 + 1;
                 waiting += 2;
             } else {
-                sum +=
-                    node.triangles().map(|n| self.weight[n] * solid_angle(&self.tree.corners[n], point)).sum::<f64>();
+                sum += node.triangles().map(|n| self.weight[n] * solid_angle(&tree.corners[n], point)).sum::<f64>();
             }
         }
         sum / (4.0 * PI)

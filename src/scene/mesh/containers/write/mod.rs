@@ -1,8 +1,9 @@
 //! Changes what containers state of masses, inertias and frictions, and leaves every other byte.
 //!
-//! [`edit`] changes a text; [`urdf`] and [`mjcf`] know where their formats keep the numbers.
+//! [`edit`] changes a text; [`urdf`], [`mjcf`] and [`gltf`] know where their formats keep the numbers.
 
 mod edit;
+mod gltf;
 mod mjcf;
 mod urdf;
 
@@ -50,6 +51,13 @@ pub fn with_statements(
     source: usize,
     statements: &[(&Body, Statement)],
 ) -> Option<Vec<u8>> {
+    let is_urdf = match format {
+        Format::Urdf => true,
+        Format::Mjcf => false,
+        Format::Gltf => return gltf::with_statements(bytes, statements),
+        // It is only read.
+        Format::Usd => return None,
+    };
     let document = Document::parse(bytes.to_vec()).ok()?;
     let mut edits = Edits::of(&document);
     // A file that is included twice has each of its elements twice.
@@ -61,30 +69,28 @@ pub fn with_statements(
             continue;
         }
         let node = document.element_at(place.bytes.start)?;
-        match (format, inertial) {
-            (Format::Urdf, Some(inertial)) => urdf::change(&mut edits, node, inertial, statement),
-            (Format::Mjcf, Some(inertial)) => mjcf::change(&mut edits, node, inertial, statement),
-            (Format::Urdf, None) => urdf::add(&mut edits, node, statement),
-            (Format::Mjcf, None) => mjcf::add(&mut edits, node, statement),
+        match (is_urdf, inertial) {
+            (true, Some(inertial)) => urdf::change(&mut edits, node, inertial, statement),
+            (false, Some(inertial)) => mjcf::change(&mut edits, node, inertial, statement),
+            (true, None) => urdf::add(&mut edits, node, statement),
+            (false, None) => mjcf::add(&mut edits, node, statement),
         }
     }
     for (body, friction) in statements.iter().filter_map(|(body, statement)| Some((body, statement.friction?))) {
-        match format {
-            Format::Urdf if body.place.source == source => {
+        if is_urdf {
+            if body.place.source == source {
                 urdf::set_friction(&mut edits, document.element_at(body.place.bytes.start)?, friction);
             }
-            Format::Urdf => {}
-            Format::Mjcf => {
-                let colliders = body.shapes.iter().filter(|shape| shape.role.collides());
-                for shape in colliders.filter(|shape| shape.place.source == source) {
-                    if done.insert(shape.place.bytes.start) {
-                        mjcf::set_friction(&mut edits, document.element_at(shape.place.bytes.start)?, friction);
-                    }
-                }
+            continue;
+        }
+        let colliders = body.shapes.iter().filter(|shape| shape.role.collides());
+        for shape in colliders.filter(|shape| shape.place.source == source) {
+            if done.insert(shape.place.bytes.start) {
+                mjcf::set_friction(&mut edits, document.element_at(shape.place.bytes.start)?, friction);
             }
         }
     }
-    if format == Format::Mjcf && statements.iter().any(|(_, statement)| statement.mass_kg.is_some()) {
+    if !is_urdf && statements.iter().any(|(_, statement)| statement.mass_kg.is_some()) {
         mjcf::let_masses_count(&mut edits, document.root());
     }
     Some(edits.applied(bytes))
