@@ -469,7 +469,9 @@ fn physics_of_a_gltf_are_judged() {
     assert_eq!(kinds_of("mug.gltf", &gltf("{}", BOX)), [(Kind::MassMissing, 8)]);
     assert_eq!(kinds_of("mug.gltf", &gltf(r#"{"mass": 0}"#, BOX)), [(Kind::MassMissing, 8)]);
     assert_eq!(kinds_of("mug.gltf", &gltf(r#"{"mass": 0.005}"#, BOX)), [(Kind::Density, 8)]);
-    assert_eq!(kinds_of("mug.gltf", &gltf(&motion(0.35, [0.0, 0.1, 0.0]), BOX)), [(Kind::Center, 8)]);
+    // No mass within the box has its centre there.
+    let outside = kinds_of("mug.gltf", &gltf(&motion(0.35, [0.0, 0.1, 0.0]), BOX));
+    assert_eq!(outside, [(Kind::InertiaImpossible, 8), (Kind::Center, 8)]);
     let placeholder = r#"{"mass": 0.35, "inertiaDiagonal": [0.001, 0.001, 0.001]}"#;
     assert_eq!(kinds_of("mug.gltf", &gltf(placeholder, BOX)), [(Kind::InertiaPlaceholder, 8)]);
     let large = r#"{"geometry": {"shape": 1}, "physicsMaterial": 1}"#;
@@ -566,7 +568,7 @@ fn physics_of_a_usd_are_judged() {
     assert_eq!(kinds_of("mug.usda", &usda("", &format!("{friction}\n        float physics:density = 0.0024"))), []);
     assert_eq!(kinds_of("mug.usda", &usda("float physics:mass = 0.005", friction)), [(Kind::Density, 8)]);
     let off = stated(0.35, "(0, 9, 0)", right_moments(0.35));
-    assert_eq!(kinds_of("mug.usda", &usda(&off, friction)), [(Kind::Center, 8)]);
+    assert_eq!(kinds_of("mug.usda", &usda(&off, friction)), [(Kind::InertiaImpossible, 8), (Kind::Center, 8)]);
     let impossible = stated(0.35, "(0, 0, 0)", [1e-4, 1e-4, 1e-3]);
     assert_eq!(kinds_of("mug.usda", &usda(&impossible, friction)), [(Kind::InertiaImpossible, 8)]);
     assert_eq!(kinds_of("mug.usda", &usda(&right, "")), [(Kind::FrictionMissing, 8)]);
@@ -595,7 +597,7 @@ fn a_usd_or_gltf_that_is_broken_has_one_error_with_its_place() {
         assert!(error.contains(expected), "{error}");
     }
     let found = kinds_of("e.usda", &out_of_range);
-    assert!(found.contains(&(Kind::Invalid, 20)), "{found:?}");
+    assert!(found.contains(&(Kind::Invalid, 19)), "{found:?}");
     // What has no physics is passed over in a folder, and an error if it is named.
     let plain = gltf("{}", "{}").replace("motion", "nothing");
     let home = folder(&[("plain.gltf", &plain), ("broken.glb", "glTF"), ("mug.urdf", &mug(""))]);

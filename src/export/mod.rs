@@ -163,7 +163,7 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
             Format::Glb => drop(shared.part_meshes()?),
             Format::Asset => {
                 model.asset.ok_or(ExportError::NotAMesh)?;
-                drop(shared.rigid()?);
+                shared.parts()?;
             }
             Format::Csv => drop(model.asset.ok_or(ExportError::NotAMesh)?),
             Format::GltfSplat | Format::PlyParts | Format::Npz | Format::Physgaussian => {}
@@ -221,11 +221,14 @@ impl Shared<'_> {
         if meshes.is_empty() { Err(ExportError::NoShape) } else { Ok(meshes) }
     }
 
-    fn rigid(&self) -> Result<Rigid<'_>, ExportError> {
+    /// The parts of an object that has a mass.
+    fn parts(&self) -> Result<&Parts, ExportError> {
         let Some(parts) = self.model.parts else { return Err(PartsError::ScaleUnknown.into()) };
-        if parts.object.mass_kg.mid <= 0.0 {
-            return Err(ExportError::NoMass);
-        }
+        if parts.object.mass_kg.mid > 0.0 { Ok(parts) } else { Err(ExportError::NoMass) }
+    }
+
+    fn rigid(&self) -> Result<Rigid<'_>, ExportError> {
+        let parts = self.parts()?;
         let shape = self.shape()?;
         let skin = self.skin.get_or_init(|| shape::skin(self.model, shape));
         if shape.colliders.is_empty() || skin.mesh.volume() <= 0.0 {
@@ -281,10 +284,11 @@ impl Rigid<'_> {
 
     /// The least friction of all colliders; of all parts that have a mass, if there are no colliders.
     fn least_friction(&self) -> f64 {
-        let of_colliders = self.colliders.iter().map(|collider| self.label(collider));
-        let has_mass = |label: &&FieldLabel| self.parts.of_label(label.id).is_some_and(|part| part.mass_kg.is_some());
-        let of_parts = self.labels.iter().filter(has_mass).filter(|_| self.colliders.is_empty());
-        of_colliders.chain(of_parts).map(|label| label.friction_rubber.mid).fold(f64::INFINITY, f64::min)
+        if self.colliders.is_empty() {
+            return least_friction(self.labels, self.parts);
+        }
+        let of_colliders = self.colliders.iter().map(|collider| self.label(collider).friction_rubber.mid);
+        of_colliders.fold(f64::INFINITY, f64::min)
     }
 
     /// The corners of the box around the colliders, m; around the skin, if there are none.
@@ -303,6 +307,12 @@ impl Rigid<'_> {
     fn collider_name(&self, collider: &Collider) -> String {
         format!("{}_{}", self.name, collider.name())
     }
+}
+
+/// The least friction of all parts that have a mass.
+fn least_friction(labels: &[FieldLabel], parts: &Parts) -> f64 {
+    let has_mass = |label: &&FieldLabel| parts.of_label(label.id).is_some_and(|part| part.mass_kg.is_some());
+    labels.iter().filter(has_mass).map(|label| label.friction_rubber.mid).fold(f64::INFINITY, f64::min)
 }
 
 /// The label of the part with this id, which owns cells of the object.

@@ -39,7 +39,7 @@ fn a_broken_mesh_gets_one_error_and_nothing_is_written() {
             "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\nproperty float z\n\
                        element face 0\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n"
                 .to_owned(),
-            "has no triangles",
+            "is a file but not a mesh",
         ),
     ];
     for (name, text, expected) in cases {

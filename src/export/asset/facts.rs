@@ -4,7 +4,8 @@ use nalgebra::{Matrix3, Point3, Rotation3};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::super::{Model, Rigid, part_facts};
+use super::super::{Model, least_friction, part_facts};
+use crate::parts::Parts;
 use crate::scene::mesh::{Mesh, MeshFormat, y_up_from_z_up};
 use crate::units::Estimate;
 use crate::vote::field_ply::material_names;
@@ -60,8 +61,8 @@ pub struct Facts {
 }
 
 impl Facts {
-    pub fn of(model: &Model, rigid: &Rigid, mesh: &Mesh, frame: &FileFrame) -> Self {
-        let object = &rigid.parts.object;
+    pub fn of(model: &Model, parts: &Parts, mesh: &Mesh, frame: &FileFrame) -> Self {
+        let object = &parts.object;
         let inertia = frame.inertia(object.inertia_kg_m2);
         Self {
             generator: concat!("gprop ", env!("CARGO_PKG_VERSION")),
@@ -70,7 +71,7 @@ impl Facts {
             center_of_mass: frame.point(object.center_of_mass_m.into()).into(),
             inertia_kg_m2: std::array::from_fn(|row| std::array::from_fn(|column| inertia[(row, column)])),
             meters_per_unit: frame.meters_per_unit,
-            friction_rubber: rigid.least_friction(),
+            friction_rubber: least_friction(&model.field.labels, parts),
             claimed_mass_kg: mesh.claimed_mass_kg,
             materials: material_names(&model.field.labels).into_iter().map(str::to_owned).collect(),
             parts: model.field.labels.iter().map(|label| part_facts(model, label.id)).collect(),

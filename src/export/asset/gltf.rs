@@ -14,12 +14,13 @@ use nalgebra::{Matrix3, Matrix4, Point3};
 use serde_json::{Value, json};
 
 use super::super::gltf::{Added, Behind, Gltf};
-use super::super::{ExportError, Files, Model, Rigid, label_of};
+use super::super::{ExportError, Files, Shared, body_name, label_of};
 use super::facts::{Facts, FileFrame};
 use super::labels::SurfaceLabels;
 use super::{Asset, Colliders};
 use crate::files::json_patch::Patch;
 use crate::files::{self, json as strict_json};
+use crate::parts::Parts;
 use crate::scene::mesh::gltf::physics::{EXTENSION, NodeStatement, Outline};
 use crate::scene::mesh::gltf::{GltfFile, PlacedNode, rotation_of};
 use crate::vote::field_ply::material_names;
@@ -32,11 +33,11 @@ const RIGID: f64 = 1e-5;
 /// A glTF and what is written into it.
 pub struct Filled<'a> {
     pub asset: &'a Asset<'a>,
-    pub model: &'a Model<'a>,
-    pub rigid: &'a Rigid<'a>,
+    pub shared: &'a Shared<'a>,
+    pub parts: &'a Parts,
     pub frame: FileFrame,
     pub facts: Facts,
-    pub labels: &'a SurfaceLabels,
+    pub labels: SurfaceLabels,
 }
 
 pub fn write(filled: &Filled, files: &mut Files) -> Result<(), ExportError> {
@@ -49,7 +50,7 @@ pub fn write(filled: &Filled, files: &mut Files) -> Result<(), ExportError> {
     let mut editor = Editor::new(filled, &document, &file);
     let body = editor.body(&outline)?;
     editor.state_motion(&body, &document);
-    editor.state_colliders(&outline, &body);
+    editor.state_colliders(&outline, &body)?;
     editor.state_materials(&document).ok_or_else(changed)?;
     let (patch, added) = editor.finished();
     let text = patch.applied(file.text).ok_or_else(changed)?;
@@ -156,7 +157,7 @@ impl<'a> Editor<'a> {
         let index = self.nodes;
         self.nodes += 1;
         let mut above = Patch::default();
-        above.member("name").set(self.filled.rigid.name.as_str());
+        above.member("name").set(body_name(self.filled.shared.model.name));
         roots.iter().for_each(|root| above.member("children").add(root.index.into()));
         self.above = Some((index, above));
         match outline.scene {
@@ -168,8 +169,8 @@ impl<'a> Editor<'a> {
 
     /// Mass, centre and inertia; and all that was found as `extras`, unless the node has some that are not an object.
     fn state_motion(&mut self, body: &Body, document: &Value) {
-        let Filled { frame, rigid, facts, .. } = self.filled;
-        let object = &rigid.parts.object;
+        let Filled { frame, parts, facts, .. } = self.filled;
+        let object = &parts.object;
         let statement = NodeStatement {
             mass_kg: Some(object.mass_kg.mid),
             center: Some(body.point(frame.point(object.center_of_mass_m.into()))),
@@ -184,7 +185,10 @@ impl<'a> Editor<'a> {
     }
 
     /// The file's own colliders get the least friction of all parts; new ones stand below the node that moves.
-    fn state_colliders(&mut self, outline: &Outline, body: &Body) {
+    ///
+    /// # Errors
+    /// If colliders are to be made and the object has no shape.
+    fn state_colliders(&mut self, outline: &Outline, body: &Body) -> Result<(), ExportError> {
         let wanted = self.filled.asset.colliders;
         let own: Vec<usize> = outline.with_colliders.iter().map(|node| outline.nodes[*node].index).collect();
         if wanted == Colliders::Make {
@@ -196,14 +200,19 @@ impl<'a> Editor<'a> {
             });
         }
         if wanted == Colliders::Make || wanted == Colliders::Add && own.is_empty() {
-            self.add_colliders(body);
+            self.add_colliders(body)?;
         }
+        Ok(())
     }
 
-    fn add_colliders(&mut self, body: &Body) {
-        let Filled { frame, rigid, .. } = self.filled;
+    fn add_colliders(&mut self, body: &Body) -> Result<(), ExportError> {
+        let Filled { frame, shared, .. } = self.filled;
+        let colliders = &shared.shape()?.colliders;
+        if colliders.is_empty() {
+            return Err(ExportError::NoShape);
+        }
         let mut material_of: BTreeMap<u32, usize> = BTreeMap::new();
-        for collider in rigid.colliders {
+        for collider in colliders {
             let in_node = collider.vertices.iter().map(|vertex| body.point(frame.point(*vertex)));
             let positions: Vec<[f32; 3]> =
                 in_node.map(|point| [point.x as f32, point.y as f32, point.z as f32]).collect();
@@ -215,7 +224,7 @@ impl<'a> Editor<'a> {
             let name = collider.name();
             // A node of no scene, so that the hull is not drawn.
             let shape = self.add_node(json!({ "name": format!("{name} hull"), "mesh": self.meshes - 1 }));
-            let friction = label_of(rigid.labels, collider.part).friction_rubber.mid;
+            let friction = label_of(&shared.model.field.labels, collider.part).friction_rubber.mid;
             let material = match material_of.get(&collider.part) {
                 Some(material) => *material,
                 None => self.add_physics_material(friction),
@@ -226,11 +235,12 @@ impl<'a> Editor<'a> {
             let node = self.add_node(json!({ "name": name, "extensions": { EXTENSION: collider } }));
             self.node(body.index).member("children").add(node.into());
         }
+        Ok(())
     }
 
     /// The `material_id` of each vertex; `None` if the file has other vertices than those that were read.
     fn state_materials(&mut self, document: &Value) -> Option<()> {
-        let labels = &self.filled.model.field.labels;
+        let labels = &self.filled.shared.model.field.labels;
         let names = material_names(labels);
         let id_of = |label: u32| names.iter().position(|name| *name == labels[label as usize].material);
         let ids: Vec<u16> =

@@ -49,14 +49,15 @@ pub(super) fn write(asset: &Asset, shared: &Shared, files: &mut Files) -> Result
     let mesh = &asset.mesh.painted.mesh;
     let path = &mesh.files[0];
     let format = MeshFormat::of(path).expect("a mesh was read from a file of a known format");
-    let rigid = shared.rigid()?;
+    let parts = shared.parts()?;
     let frame = FileFrame::of(shared.model, format);
-    let facts = Facts::of(shared.model, &rigid, mesh, &frame);
+    let facts = Facts::of(shared.model, parts, mesh, &frame);
     if format.is_y_up {
         let labels = SurfaceLabels::of(shared.model, asset.mesh);
-        gltf::write(&gltf::Filled { asset, rigid: &rigid, frame, facts, labels: &labels, model: shared.model }, files)?;
+        gltf::write(&gltf::Filled { asset, shared, parts, frame, facts, labels }, files)?;
         return copy(&mesh.files[1..], path, files);
     }
+    let rigid = shared.rigid()?;
     copy(&mesh.files, path, files)?;
     let name = rigid.name.clone();
     let scale = [frame.meters_per_unit; 3];
