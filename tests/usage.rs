@@ -383,7 +383,7 @@ fn paths_that_are_not_there_end_with_a_code_and_their_name() {
         (&["evaluate", "masks", nowhere, file], &[nowhere]),
         (&["grasp", "calibrate", nowhere], &[nowhere]),
         (&["audit", nowhere], &[nowhere]),
-        (&["audit", data], &["no URDF or MJCF", data]),
+        (&["audit", data], &["no URDF, MJCF, USD or glTF", data]),
         (&["materials", "list", "--materials", nowhere], &["--materials", nowhere]),
         (&["doctor", "--ort-lib", nowhere], &["--ort-lib", nowhere]),
         (&["setup", "--sam-encoder", nowhere, "--sam-decoder", nowhere], &["--sam-encoder", nowhere]),
