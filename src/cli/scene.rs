@@ -126,6 +126,7 @@ pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
     if formats.is_empty() {
         let formats: Vec<String> = Format::value_variants()
             .iter()
+            .filter(|format| !format.needs_mesh())
             .filter_map(Format::to_possible_value)
             .map(|f| f.get_name().to_owned())
             .collect();

@@ -74,6 +74,11 @@ impl Format {
     pub fn has_grasps(self) -> bool {
         matches!(self, Self::Usda | Self::Usdz)
     }
+
+    /// Whether only a scene that was made of a mesh has it.
+    pub fn needs_mesh(self) -> bool {
+        matches!(self, Self::Asset | Self::Csv)
+    }
 }
 
 /// The data to export.

@@ -489,10 +489,10 @@ fn exports_are_the_same_bytes_again() {
     let rigid = Rigid::of(&folders()[0]);
     let (first, second) = (TempDir::new().unwrap(), TempDir::new().unwrap());
     // The files with colliders are there already.
-    let mut others = Format::value_variants().to_vec();
-    others.retain(|format| !Rigid::FORMATS.contains(format));
+    let all: Vec<Format> = Format::value_variants().iter().copied().filter(|format| !format.needs_mesh()).collect();
+    let others: Vec<Format> = all.iter().copied().filter(|format| !Rigid::FORMATS.contains(format)).collect();
     let others = export(&rigid.model(), &others, first.path()).unwrap();
-    let all = export(&rigid.model(), Format::value_variants(), second.path()).unwrap();
+    let all = export(&rigid.model(), &all, second.path()).unwrap();
     assert_eq!(all.len(), rigid.files.len() + others.len());
     // Another object can be exported into the same folder, and included in the same scene of MuJoCo.
     let name = rigid.name();
@@ -545,6 +545,11 @@ fn without_a_scale_rigid_bodies_are_refused_and_fields_are_not() {
         assert!(matches!(error, ExportError::Scale(PartsError::ScaleUnknown)), "{error}");
         assert!(error.to_string().contains("--scale"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing is written");
+    }
+    // A splat is no mesh.
+    for format in [Format::Asset, Format::Csv] {
+        let error = export(&unscaled, &[format], TempDir::new().unwrap().path()).unwrap_err();
+        assert!(matches!(error, ExportError::NotAMesh), "{error}");
     }
     for format in [Format::Npz, Format::Physgaussian, Format::GltfSplat, Format::PlyParts] {
         export(&unscaled, &[format], TempDir::new().unwrap().path()).unwrap();
