@@ -28,7 +28,7 @@ pub fn gltf(shape: &LinkShape) -> Gltf {
         let mesh = gltf.meshes.len() - 1;
         nodes.push(gltf.node(json!({ "mesh": mesh })));
     }
-    gltf.node_z_up("link", &nodes);
+    gltf.node_z_up("link", &nodes, 0.0);
     gltf
 }
 

@@ -111,7 +111,7 @@ impl Prepared {
         for (name, shape) in objects {
             let file = PathBuf::from(format!("{name}.glb"));
             let gltf = glb::gltf(shape);
-            let written = opened.write(&file, |out| gltf.write(&[], None, out));
+            let written = opened.write(&file, |out| gltf.write(&[], &serde_json::Value::Null, out));
             written.map_err(|source| failed(&folder.join(&file), source))?;
         }
         Ok(())

@@ -28,6 +28,8 @@ pub fn export(pipeline: &mut Pipeline, formats: &[Format], folder: &Path) -> Res
     let model = Model {
         name: &open.scene.name,
         gaussians: &open.scene.gaussians,
+        as_read: open.scene.gaussians_as_read(),
+        world_from_input: open.scene.up.world_from_input(),
         field: &*weighed_field(open)?,
         interior: &*open.get::<Interior>()?,
         scale: scale.as_ref(),
