@@ -116,8 +116,8 @@ pub struct Options {
     /// Length of a scene unit: `metric` (one metre), a factor in metres per scene unit, `known-length:X,Y,Z:X,Y,Z=M` (two
     /// points of the scene and their distance in metres), `bbox:AXIS=M` (a side of the object's box, z is up), `cameras:A,B=M`
     /// (the distance between two views' cameras), `apriltag:FAMILY,ID=M` or `aruco:DICT,ID=M` (the side of a printed
-    /// marker that photos show, see `gprop scale board`), `estimate` (the model is asked how long such an object is), or
-    /// `auto` (as the data set states it, else from --known-mass, else unknown). Lengths may end in mm, cm or m
+    /// marker that photos show, see `gprop scale board`), `estimate` (the model says how long it is), or `auto` (as the data set
+    /// states it, else from --known-mass, else unknown). Lengths may end in mm, cm or m
     #[arg(long, value_name = "auto|metric|F|...", default_value_t)]
     pub scale: ScaleChoice,
 }
