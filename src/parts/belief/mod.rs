@@ -1,7 +1,7 @@
 //! What is believed of an object after all evidence: what it is, how its pieces are made, and how heavy it is.
 //!
 //! The unknowns are the object's identity (a [`Hypothesis`]), the way in which each piece is made (a choice), and under each
-//! of them the continuous ones of [`unknowns`](super::mass::unknowns). A [state](states) is one combination of identity and
+//! of them the continuous ones of [`unknowns`](super::mass::unknowns). A [state](mod@states) is one combination of identity and
 //! choices; its prior probability is what the model says. Under a state, shape and materials give a belief about the mass, and so
 //! does the model's own estimate for such a thing; both are [`Spread`]s of its logarithm, independent of each other:
 //!
