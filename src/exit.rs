@@ -12,7 +12,7 @@ use crate::evaluate::simulation::SimulationError;
 use crate::export::ExportError;
 use crate::film::FilmError;
 use crate::grasp::GraspError;
-use crate::inspect::{InspectError, NotAligned};
+use crate::inspect::{InspectError, NotAligned, UpInDoubt};
 use crate::links::LinksError;
 use crate::materials::LibraryError;
 use crate::parts::PartsError;
@@ -95,7 +95,7 @@ kinds! {
     Usage: ConfigError, WorkDirError, LibraryError, PromptError, LabelsError, PriceError, ClientError, ExchangeError,
         EvaluateError, MasksError, OutcomesError, SimulationError, SimulateError, GraspError, FilmError, OptionError,
         clap::Error;
-    Scene: NotAligned, ImportError, PlyError;
+    Scene: NotAligned, UpInDoubt, ImportError, PlyError;
     Model: SetupError;
     Answer: RecordingError;
     Cancelled: Cancelled;

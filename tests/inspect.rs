@@ -419,7 +419,7 @@ fn gsplats_normalised_world_is_computed_from_the_model() {
     let options = Options { align: align.parse().unwrap(), ..Options::default() };
     let mended = scene::load(folder.path(), &options).unwrap();
     // Only the right half turn brings every camera to where gsplat has it.
-    for (view, pose) in mended.views.iter().zip(&poses) {
+    for (view, pose) in mended.in_input_frame().views.iter().zip(&poses) {
         let expected = as_gsplat(&poses, &points) * Point3::from(pose.inverse().translation.vector);
         assert!((view.camera.center_in_world() - expected).norm() < 1e-6, "{}", view.name);
     }

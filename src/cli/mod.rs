@@ -96,7 +96,8 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
             let only_chosen = global.flags.typed.iter().any(|flag| config::name_of(flag) == "views");
             let (inspection, text) = inspect::command(args, only_chosen, global.progress())?;
             print(global, &inspection, || text)?;
-            Ok(inspection.require_aligned()?)
+            inspection.require_aligned()?;
+            Ok(inspection.require_up()?)
         }
         Command::Audit(args) => {
             let report = audit::audit(args)?;

@@ -5,16 +5,16 @@ use nalgebra::Point3;
 use serde_json::json;
 
 use super::gltf::Gltf;
-use super::shape::{PartMesh, Shape};
-use super::{ExportError, Files, Model, identifier, label_of, part_facts};
+use super::shape::PartMesh;
+use super::{ExportError, Files, Meshes, Model, asset_extras, identifier, label_of, part_facts};
 use crate::pictures::palette;
 
-pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &mut Files) -> Result<(), ExportError> {
-    let name = identifier(model.name);
+pub(super) fn write(model: &Model, meshes: &Meshes, files: &mut Files) -> Result<(), ExportError> {
+    let (name, extras_of_asset) = (identifier(model.name), asset_extras(model, &meshes.placement));
     let mut visual = Gltf::default();
     visual.materials.push(json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.7 } }));
     let mut nodes = Vec::new();
-    for PartMesh { part, mesh, colors } in meshes {
+    for PartMesh { part, mesh, colors } in meshes.parts {
         let positions: Vec<[f32; 3]> = floats(&mesh.vertices);
         let normals: Vec<[f32; 3]> =
             mesh.shading_normals().iter().map(|n| [n.x as f32, n.y as f32, n.z as f32]).collect();
@@ -29,12 +29,12 @@ pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &m
         let (mesh, label) = (visual.meshes.len() - 1, label(model, *part));
         nodes.push(visual.node(json!({ "name": label, "mesh": mesh, "extras": part_facts(model, *part) })));
     }
-    visual.node_z_up(&name, &nodes);
-    files.write(format!("{name}.glb"), |out| visual.write(&[], model.note_on_scale(), out))?;
+    visual.node_z_up(&name, &nodes, meshes.placement.rise);
+    files.write(format!("{name}.glb"), |out| visual.write(&[], &extras_of_asset, out))?;
 
     let mut colliders = Gltf::default();
     let mut nodes = Vec::new();
-    for of_part in shape.colliders.chunk_by(|a, b| a.part == b.part) {
+    for of_part in meshes.shape.colliders.chunk_by(|a, b| a.part == b.part) {
         let part = of_part[0].part;
         let [r, g, b] = palette::part(part);
         colliders
@@ -54,8 +54,8 @@ pub(super) fn write(model: &Model, shape: &Shape, meshes: &[PartMesh], files: &m
         let node = json!({ "name": label(model, part), "children": children, "extras": part_facts(model, part) });
         nodes.push(colliders.node(node));
     }
-    colliders.node_z_up(&name, &nodes);
-    files.write(format!("{name}_colliders.glb"), |out| colliders.write(&[], model.note_on_scale(), out))
+    colliders.node_z_up(&name, &nodes, meshes.placement.rise);
+    files.write(format!("{name}_colliders.glb"), |out| colliders.write(&[], &extras_of_asset, out))
 }
 
 fn floats(points: &[Point3<f64>]) -> Vec<[f32; 3]> {

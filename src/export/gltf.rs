@@ -140,15 +140,18 @@ impl Gltf {
         self.nodes.len() - 1
     }
 
-    /// Adds a node without parent, whose children are in axes with z up.
-    pub fn node_z_up(&mut self, name: &str, children: &[usize]) {
-        self.node_z_up_with(name, children, &Value::Null);
+    /// Adds a node without parent, whose children are in axes with z up and raised by `rise`.
+    pub fn node_z_up(&mut self, name: &str, children: &[usize], rise: f64) {
+        self.node_z_up_with(name, children, rise, &Value::Null);
     }
 
     /// The same with extensions, if there are any.
-    pub fn node_z_up_with(&mut self, name: &str, children: &[usize], extensions: &Value) {
+    pub fn node_z_up_with(&mut self, name: &str, children: &[usize], rise: f64, extensions: &Value) {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let mut root = json!({ "name": name, "rotation": [-half, 0.0, 0.0, half], "children": children });
+        if rise != 0.0 {
+            root["translation"] = json!([0.0, rise, 0.0]);
+        }
         if !extensions.is_null() {
             root["extensions"] = extensions.clone();
         }
@@ -156,8 +159,8 @@ impl Gltf {
         self.roots.push(root);
     }
 
-    /// The file, with a note for whoever reads it.
-    pub fn write(mut self, extensions: &[&str], note: Option<&str>, out: &mut dyn Write) -> io::Result<()> {
+    /// The file. `extras`: what it says of the whole asset; nothing if null.
+    pub fn write(mut self, extensions: &[&str], extras: &Value, out: &mut dyn Write) -> io::Result<()> {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let mut json = json!({
             "asset": { "version": "2.0", "generator": concat!("gprop ", env!("CARGO_PKG_VERSION")) },
@@ -169,8 +172,8 @@ impl Gltf {
             "bufferViews": self.views,
             "buffers": [{ "byteLength": self.bytes.len() }],
         });
-        if let Some(note) = note {
-            json["asset"]["extras"] = json!({ "note": note });
+        if !extras.is_null() {
+            json["asset"]["extras"] = extras.clone();
         }
         let others = [
             ("materials", self.materials),

@@ -5,13 +5,14 @@
 use serde_json::{Map, json};
 
 use super::gltf::Gltf;
-use super::{ExportError, Files, Model, identifier};
+use super::placement::Placement;
+use super::{ExportError, Files, Model, asset_extras, identifier};
 use crate::gaussians::SH_C0;
 
 const EXTENSION: &str = "KHR_gaussian_splatting";
 
 /// In metres if the scale is known, in scene units otherwise.
-pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
+pub(super) fn write(model: &Model, placement: &Placement, files: &mut Files) -> Result<(), ExportError> {
     let gaussians = model.gaussians;
     let meters = model.scale.map_or(1.0, |scale| scale.meters_per_unit);
     let all = || 0..gaussians.len();
@@ -59,7 +60,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
         .map(|label| json!({ "part": label.id, "caption": label.caption, "material": label.material }))
         .collect();
     let node = gltf.node(json!({ "name": "splat", "mesh": 0, "extras": { "parts": labels } }));
-    let name = identifier(model.name);
-    gltf.node_z_up(&name, &[node]);
-    files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], model.note_on_scale(), out))
+    let (name, extras) = (identifier(model.name), asset_extras(model, placement));
+    gltf.node_z_up(&name, &[node], placement.rise);
+    files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], &extras, out))
 }

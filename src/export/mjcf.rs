@@ -7,6 +7,8 @@
 
 use std::fmt::Write;
 
+use nalgebra::Vector3;
+
 use super::{ExportError, Files, Rigid, obj, spaced};
 use crate::pictures::palette;
 use crate::vote::FieldLabel;
@@ -56,7 +58,7 @@ fn body(rigid: &Rigid) -> String {
     <mesh name="{name}_skin" file="meshes/{name}_skin.obj"/>
 {assets}  </asset>
   <worldbody>
-    <body name="{name}">
+    <body name="{name}"{place}>
       <freejoint name="{name}_free"/>
       <inertial pos="{center}" mass="{mass}" fullinertia="{inertia}"/>
       <geom name="{name}_skin" class="{name}_visual" mesh="{name}_skin" material="{name}_skin"/>
@@ -64,15 +66,21 @@ fn body(rigid: &Rigid) -> String {
   </worldbody>
 </mujoco>
 "#,
-        note = rigid.comment(),
+        note = rigid.comments(),
         name = rigid.name,
+        place = match rigid.placement.rise {
+            0.0 => String::new(),
+            rise => format!(r#" pos="0 0 {rise}""#),
+        },
         center = spaced(center),
     )
 }
 
 /// The body on a floor under its lowest point, lit and seen from the front.
 fn scene(rigid: &Rigid) -> String {
+    let rise = Vector3::z() * rigid.placement.rise;
     let (low, high) = rigid.extent();
+    let (low, high) = (low + rise, high + rise);
     let middle = nalgebra::center(&low, &high);
     let size = (high - low).norm();
     let at = spaced([middle.x, middle.y, middle.z]);

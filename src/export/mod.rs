@@ -8,7 +8,8 @@
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks;
 //! - [`mod@asset`]: the mesh from which the scene was made, once more, with its physics, and tables of its faces and vertices.
 //!
-//! Everything rigid is in metres, in the world frame of the splat, z up. Gaussians that were set aside are left out.
+//! Everything rigid is in metres, in the world's frame, z up; the asset of a scene that was turned for that stands on z = 0, and
+//! every file says how it lies in the scene's own ([`placement`]). Gaussians that were set aside are left out.
 
 mod asset;
 mod glb;
@@ -18,6 +19,7 @@ mod mjcf;
 mod npz;
 mod obj;
 mod physgaussian;
+mod placement;
 mod ply_parts;
 mod shape;
 mod urdf;
@@ -27,18 +29,20 @@ use std::cell::OnceCell;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use nalgebra::Point3;
+use nalgebra::{Point3, UnitQuaternion};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::camera::Camera;
 use crate::files::write::Folder;
 use crate::gaussians::Gaussians;
+use crate::gaussians::bounds::robust_bounds;
 use crate::grasp::candidates::Candidate;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 pub use asset::{Asset, Colliders, below};
+use placement::{Axes, Placement};
 use shape::{Collider, PartMesh, Shape, Skin};
 
 /// A format to write.
@@ -85,7 +89,11 @@ impl Format {
 #[derive(Debug, Clone, Copy)]
 pub struct Model<'a> {
     pub name: &'a str,
+    /// In the world's frame.
     pub gaussians: &'a Gaussians,
+    /// The same Gaussians in the input's frame.
+    pub as_read: &'a Gaussians,
+    pub world_from_input: UnitQuaternion<f64>,
     pub field: &'a MaterialField,
     pub interior: &'a Interior,
     /// Both `None` if the metric scale is unknown.
@@ -157,7 +165,7 @@ pub enum ExportError {
 pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
     let own = without_set_aside(model);
     let model = &match &own {
-        Some((gaussians, field)) => Model { gaussians, field, ..*model },
+        Some(own) => Model { gaussians: &own.gaussians, as_read: &own.as_read, field: &own.field, ..*model },
         None => *model,
     };
     let shared = Shared { model, shape: OnceCell::new(), skin: OnceCell::new(), part_meshes: OnceCell::new() };
@@ -182,8 +190,8 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
             Format::Urdf => urdf::write(&shared.rigid()?, &mut files)?,
             Format::Usda => usd::write_usda(model, &shared.rigid()?, &mut files)?,
             Format::Usdz => usd::write_usdz(model, &shared.rigid()?, &mut files)?,
-            Format::Glb => glb::write(model, shared.shape()?, shared.part_meshes()?, &mut files)?,
-            Format::GltfSplat => gltf_splat::write(model, &mut files)?,
+            Format::Glb => glb::write(model, &shared.meshes()?, &mut files)?,
+            Format::GltfSplat => gltf_splat::write(model, &shared.placement(), &mut files)?,
             Format::PlyParts => ply_parts::write(model, &mut files)?,
             Format::Npz => npz::write(model, &mut files)?,
             Format::Physgaussian => physgaussian::write(model, &mut files)?,
@@ -194,16 +202,25 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
     Ok(files.written)
 }
 
-/// The Gaussians and their field, without the Gaussians that were set aside; `None` if none were.
-fn without_set_aside(model: &Model) -> Option<(Gaussians, MaterialField)> {
+/// The Gaussians and their field, without the Gaussians that were set aside.
+struct Kept {
+    gaussians: Gaussians,
+    as_read: Gaussians,
+    field: MaterialField,
+}
+
+/// What is kept; `None` if no Gaussian was set aside.
+fn without_set_aside(model: &Model) -> Option<Kept> {
     if model.gaussians.set_aside.is_empty() {
         return None;
     }
     let kept: Vec<bool> = model.gaussians.set_aside.iter().map(|set_aside| !set_aside).collect();
-    let (mut gaussians, mut field) = (model.gaussians.clone(), model.field.clone());
+    let [mut gaussians, mut as_read] = [model.gaussians, model.as_read].map(Gaussians::clone);
+    let mut field = model.field.clone();
     gaussians.retain(&kept);
+    as_read.retain(&kept);
     field.retain(&kept);
-    Some((gaussians, field))
+    Some(Kept { gaussians, as_read, field })
 }
 
 /// The model with the values that several formats need, each computed when it is first asked for.
@@ -224,6 +241,20 @@ impl Shared<'_> {
         let shape = self.shape()?;
         let meshes = self.part_meshes.get_or_init(|| shape::part_meshes(self.model, shape));
         if meshes.is_empty() { Err(ExportError::NoShape) } else { Ok(meshes) }
+    }
+
+    fn meshes(&self) -> Result<Meshes<'_>, ExportError> {
+        Ok(Meshes { shape: self.shape()?, parts: self.part_meshes()?, placement: self.placement() })
+    }
+
+    /// The object stands on its lowest collider or, if it has none, on its lowest Gaussian.
+    fn placement(&self) -> Placement {
+        let meters_per_unit = self.model.scale.map_or(1.0, |scale| scale.meters_per_unit);
+        Placement::new(self.model.world_from_input, meters_per_unit, || {
+            let colliders = self.shape().map_or(&[][..], |shape| &shape.colliders);
+            let lowest = colliders.iter().flat_map(|collider| &collider.vertices).map(|v| v.z).reduce(f64::min);
+            lowest.unwrap_or_else(|| robust_bounds(self.model.gaussians).min.z * meters_per_unit)
+        })
     }
 
     /// The parts of an object that has a mass.
@@ -249,8 +280,16 @@ impl Shared<'_> {
             source: self.model.source,
             note_on_scale: self.model.note_on_scale(),
             own_mesh: None,
+            placement: self.placement(),
         })
     }
+}
+
+/// The object as meshes.
+struct Meshes<'a> {
+    shape: &'a Shape,
+    parts: &'a [PartMesh],
+    placement: Placement,
 }
 
 /// The object as a rigid body.
@@ -264,6 +303,7 @@ struct Rigid<'a> {
     grasps: &'a [Candidate],
     source: &'a str,
     note_on_scale: Option<&'static str>,
+    placement: Placement,
     /// The mesh that URDF shows instead of the skin.
     own_mesh: Option<OwnMesh>,
 }
@@ -276,9 +316,11 @@ struct OwnMesh {
 }
 
 impl Rigid<'_> {
-    /// The note on the scale as a comment of XML, or nothing.
-    fn comment(&self) -> String {
-        self.note_on_scale.map(|note| format!("<!-- {note} -->\n")).unwrap_or_default()
+    /// Where the asset is in the input's frame, and the note on the scale if there is one, as comments of XML.
+    fn comments(&self) -> String {
+        let placement = self.placement.comment();
+        let notes = self.note_on_scale.into_iter().chain([placement.as_str()]);
+        notes.map(|note| format!("<!-- {note} -->\n")).collect()
     }
 
     /// Mass in kg, centre of mass in m, inertia about it in kg m^2 with world axes: the middle estimates.
@@ -318,6 +360,15 @@ impl Rigid<'_> {
 fn least_friction(labels: &[FieldLabel], parts: &Parts) -> f64 {
     let has_mass = |label: &&FieldLabel| parts.of_label(label.id).is_some_and(|part| part.mass_kg.is_some());
     labels.iter().filter(has_mass).map(|label| label.friction_rubber.mid).fold(f64::INFINITY, f64::min)
+}
+
+/// What a glTF says of the whole asset: its place in the input's frame, and the note on the scale if there is one.
+fn asset_extras(model: &Model, placement: &Placement) -> Value {
+    let mut extras = json!({ "input_from_asset": placement.input_from_asset(Axes::YUp) });
+    if let Some(note) = model.note_on_scale() {
+        extras["note"] = json!(note);
+    }
+    extras
 }
 
 /// The label of the part with this id, which owns cells of the object.

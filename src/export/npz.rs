@@ -1,5 +1,5 @@
 //! NumPy's archive of arrays. Arrays are per Gaussian (`gaussian_*`), per label (`label_*`), per part (`part_*`) and
-//! for the object (`object_*`); names and captions are in `NAME_labels.json` beside it. An estimate is three values: low,
+//! for the object (`object_*`), in the world's frame; the rotation `input_from_world` leads back to the scene's own. Names and captions are in `NAME_labels.json` beside it. An estimate is three values: low,
 //! mid, high. They are NaN if a part has no volume.
 
 use std::io::{self, Cursor, Write};
@@ -27,6 +27,8 @@ fn archive(model: &Model) -> io::Result<Vec<u8>> {
     for column in field_ply::columns(model.field) {
         arrays.add(&format!("gaussian_{}", column.name), &[count], column.values.iter().copied())?;
     }
+    let input_from_world = model.world_from_input.inverse().to_rotation_matrix().into_inner();
+    arrays.add("input_from_world", &[3, 3], input_from_world.transpose().iter().copied())?;
     if let Some(scale) = model.scale {
         arrays.add("meters_per_unit", &[], [scale.meters_per_unit])?;
         arrays.add("scale_is_estimated", &[], [i32::from(scale.source == ScaleSource::Estimated)])?;

@@ -7,6 +7,7 @@
 
 use serde_json::{Value, json};
 
+use super::placement::Placement;
 use super::{ExportError, Files, Model, identifier};
 use crate::scene::splat::ply;
 use crate::simulate::compat::estimated::Estimated;
@@ -28,7 +29,9 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     let all = field_ply::columns(model.field);
     let columns: Vec<_> = COLUMNS.iter().filter_map(|name| all.iter().find(|c| c.name == *name).cloned()).collect();
     let bare = crate::gaussians::Gaussians { extra: Vec::new(), ..model.gaussians.clone() };
-    files.write(format!("{folder}/{CLOUD}"), |out| ply::write(out, &bare, &columns))
+    let unscaled = Placement::new(model.world_from_input, 1.0, || 0.0);
+    let comments = [unscaled.comment()];
+    files.write(format!("{folder}/{CLOUD}"), |out| ply::write_with_comments(out, &bare, &columns, &comments))
 }
 
 /// The configuration for the label with the most Gaussians, with a separate box for every other label. PhysGaussian drops

@@ -1,4 +1,4 @@
-//! A 3DGS PLY for each part, in scene units, with the columns of `field.ply`, so that any editor of splats can show,
+//! A 3DGS PLY for each part, in the scene's own frame and unit, with the columns of `field.ply`, so that any editor of splats can show,
 //! move or delete one part: `NAME/parts/partN_CAPTION.ply`. Parts that an earlier export left there under other
 //! captions stay.
 
@@ -18,7 +18,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
         if !kept.contains(&true) {
             continue;
         }
-        let mut gaussians = model.gaussians.clone();
+        let mut gaussians = model.as_read.clone();
         gaussians.retain(&kept);
         let kept_of = |column: &ExtraProperty| ExtraProperty {
             name: column.name.clone(),

@@ -14,14 +14,16 @@ pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError>
 }
 
 fn text(rigid: &Rigid) -> String {
-    let (mass, center, i) = rigid.inertial();
+    let (mass, [x, y, z], i) = rigid.inertial();
+    let rise = rigid.placement.rise;
+    let raised = if rise == 0.0 { String::new() } else { format!(r#"<origin xyz="0 0 {rise}" rpy="0 0 0"/>"#) };
     let mut colliders = String::new();
     for collider in rigid.colliders {
         let (name, friction) = (rigid.collider_name(collider), rigid.label(collider).friction_rubber.mid);
         let _ = write!(
             colliders,
             r#"    <collision name="{name}">
-      <geometry><mesh filename="meshes/{name}.obj"><drake:declare_convex/></mesh></geometry>
+      {raised}<geometry><mesh filename="meshes/{name}.obj"><drake:declare_convex/></mesh></geometry>
       <drake:proximity_properties><drake:mu_static value="{friction}"/><drake:mu_dynamic value="{friction}"/></drake:proximity_properties>
     </collision>
 "#,
@@ -43,7 +45,7 @@ fn text(rigid: &Rigid) -> String {
       <mass value="{mass}"/>
       <inertia ixx="{}" iyy="{}" izz="{}" ixy="{}" ixz="{}" iyz="{}"/>
     </inertial>
-    <visual name="skin"><geometry>{visual}</geometry></visual>
+    <visual name="skin">{raised}<geometry>{visual}</geometry></visual>
 {colliders}  </link>
   <gazebo reference="{name}"><mu1>{least}</mu1><mu2>{least}</mu2></gazebo>
 </robot>
@@ -54,9 +56,9 @@ fn text(rigid: &Rigid) -> String {
         i[0][1],
         i[0][2],
         i[1][2],
-        note = rigid.comment(),
+        note = rigid.comments(),
         name = rigid.name,
-        center = spaced(center),
+        center = spaced([x, y, z + rise]),
     )
 }
 

@@ -59,7 +59,7 @@ pub struct Options {
     /// Grasp this part: its number, or its name, caption or material, or any text within one of them
     #[arg(long, value_name = "NAME", overrides_with_all = ["point", "auto"])]
     pub part: Option<String>,
-    /// Grasp near this point (world frame, scene units)
+    /// Grasp near this point (scene units, in the splat's frame)
     #[arg(long, value_name = "X,Y,Z", value_parser = point, allow_hyphen_values = true, overrides_with_all = ["part", "auto"])]
     pub point: Option<[f64; 3]>,
     /// Grasp at the best place: antipodal, within the stroke, near the centre of mass. This is also the default, but with

@@ -29,7 +29,9 @@ use crate::error::UsageError;
 use crate::files::write::{self, Folder};
 use crate::from_splat::{photo_with_foreground, render_views};
 use crate::gaussians::Gaussians;
-use crate::scene::{self, Bounds, ForegroundSource, MeshCounts, ObjectSource, Options, Scene, SceneError, View};
+use crate::scene::{
+    self, Bounds, ForegroundSource, MeshCounts, ObjectSource, Options, Scene, SceneError, Up, View, robust_bounds,
+};
 use crate::units::MetricScale;
 use crate::words::output::one_line;
 use crate::words::progress::Progress;
@@ -57,7 +59,14 @@ pub struct Inspection {
     pub mesh: Option<MeshCounts>,
     pub sh_degree: u8,
     pub antialiased: bool,
+    /// The object's box in the input's frame.
     pub extent: Extent,
+    /// Which way is up in the input's frame.
+    pub up: Up,
+    /// Why that is in doubt, if it is.
+    pub up_in_doubt: Option<String>,
+    /// The sides of the object's box in the world's frame, where z is up, in scene units.
+    pub upright_size: [f64; 3],
     /// `None` if the metric scale is unknown.
     pub scale: Option<MetricScale>,
     pub cameras: Option<Cameras>,
@@ -141,7 +150,20 @@ pub enum InspectError {
 #[error("photos and splat do not line up; {0}")]
 pub struct NotAligned(String);
 
+/// The result of an inspection that found photos and splat to agree, but not which way is up.
+#[derive(Debug, Clone, thiserror::Error)]
+#[error("{0}")]
+pub struct UpInDoubt(String);
+
 impl Inspection {
+    /// Fails if the evidence about up is contradictory.
+    ///
+    /// # Errors
+    /// [`UpInDoubt`], which says what to do.
+    pub fn require_up(&self) -> Result<(), UpInDoubt> {
+        self.up_in_doubt.clone().map_or(Ok(()), |why| Err(UpInDoubt(why)))
+    }
+
     /// Fails if photos and Gaussians do not line up.
     ///
     /// # Errors
@@ -212,7 +234,13 @@ fn inspect_and_draw(
     // Views that are drawn of the mesh line up with what is sampled on it.
     let verdict = if scene.mesh.is_none() { verdict::of(&scene, &views, &fits, progress)? } else { None };
     let Diagnosis { suggestion, doubtful } = match &verdict {
-        Some(verdict) if !verdict.aligned => diagnose::suggest(&scene, &views, &fits, verdict, progress)?,
+        Some(verdict) if !verdict.aligned => {
+            // What is to be found brings the cameras into the splat's own frame.
+            let in_input = scene.in_input_frame();
+            let in_input_view = |view: &View| View { camera: scene.camera_in_input(&view.camera), ..view.clone() };
+            let views: Vec<View> = views.iter().map(in_input_view).collect();
+            diagnose::suggest(&in_input, &views, &fits, verdict, progress)?
+        }
         _ => Diagnosis::default(),
     };
     let foreground = views.first().map(|view| photo_with_foreground(&scene, view)).transpose()?;
@@ -226,7 +254,10 @@ fn inspect_and_draw(
         mesh: scene.mesh.as_ref().map(|mesh| mesh.counts()),
         sh_degree: scene.gaussians.sh_degree,
         antialiased: scene.gaussians.antialiased,
-        extent: scene.object_bounds().into(),
+        extent: robust_bounds(scene.gaussians_as_read()).into(),
+        up: scene.up,
+        up_in_doubt: scene.up_in_doubt.clone(),
+        upright_size: scene.object_bounds().size().into(),
         scale: scene.scale.clone(),
         cameras: cameras(&scene),
         foreground: foreground.map(|photo| photo.foreground_source),

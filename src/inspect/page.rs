@@ -1,4 +1,5 @@
-//! The inspection as one self-contained page, with photo and splat side by side and the foreground outlined.
+//! The inspection as one self-contained page, with photo and splat side by side, the foreground outlined and up drawn as an
+//! arrow.
 
 use std::io::Cursor;
 
@@ -8,10 +9,13 @@ use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, Rgb, RgbImage};
 use minijinja::{Value, context};
+use nalgebra::{Point3, Vector3};
 
 use super::compare::as_the_splat_shows;
 use super::{Inspection, text};
+use crate::camera::Camera;
 use crate::from_splat::photo_with_foreground;
+use crate::pictures::strokes;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
 use crate::words::html;
@@ -22,6 +26,9 @@ const LONGEST_SIDE: u32 = 480;
 /// Maximum number of views shown.
 const MOST_VIEWS: usize = 16;
 const OUTLINE: Rgb<u8> = Rgb([230, 0, 120]);
+const UP: Rgb<u8> = Rgb([0, 110, 230]);
+/// Width of the arrow on a picture whose longer side is [`LONGEST_SIDE`], in pixels.
+const ARROW_PX: f64 = 4.0;
 
 /// Draws the page.
 ///
@@ -35,13 +42,14 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
         let photo = photo_with_foreground(scene, view)?;
         let splat = render(&cloud, &view.camera, &RenderOptions::default()).to_image([1.0; 3]);
         let splat = DynamicImage::ImageRgba8(splat).into_rgb8();
-        let shown = picture(&outlined(&photo.rgb, &photo.foreground));
+        let mut shown = outlined(&photo.rgb, &photo.foreground);
+        draw_up(&mut shown, scene, &view.camera);
         let photo = as_the_splat_shows(scene, photo);
         rows.push(context! {
             name => &fit.name,
             psnr => format!("{:.2}", fit.psnr_db),
             iou => fit.mask_iou.map(|iou| format!("{iou:.3}")),
-            photo => shown,
+            photo => picture(&shown),
             splat => picture(&splat),
             difference => picture(&difference(&photo.rgb, &splat)),
         });
@@ -81,6 +89,18 @@ fn outlined(photo: &RgbImage, foreground: &GrayImage) -> RgbImage {
         }
     }
     picture
+}
+
+/// Draws an arrow from the middle of the object's base upwards, as long as the object's box is along its diagonal.
+fn draw_up(photo: &mut RgbImage, scene: &Scene, camera: &Camera) {
+    let bounds = scene.object_bounds();
+    let center = bounds.center();
+    let base = Point3::new(center.x, center.y, bounds.min.z);
+    let ends = [base, base + Vector3::z() * bounds.diagonal()];
+    if let [Some(from), Some(tip)] = ends.map(|end| camera.pixel(camera.point_in_camera(end))) {
+        let shrunk = f64::from(photo.width().max(photo.height())) / f64::from(LONGEST_SIDE);
+        strokes::arrow(photo, from, tip, ARROW_PX * shrunk.max(1.0), UP);
+    }
 }
 
 /// The difference of the two pictures, black where they are equal.

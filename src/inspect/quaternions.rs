@@ -20,13 +20,15 @@ pub(super) fn warning(
     if options.quaternions != QuaternionOrder::Wxyz || views.is_empty() {
         return Ok(None);
     }
-    let mut cloud = scene.whole_cloud().into_owned();
+    // The order is that of the file, in whose frame the numbers are.
+    let mut cloud = scene.in_input_frame().whole_cloud().into_owned();
     QuaternionOrder::Xyzw.apply(&mut cloud);
     let (mut before, mut after) = (0.0, 0.0);
     let few: Vec<(&View, &ViewFit)> = views.iter().zip(fits).step_by(views.len().div_ceil(VIEWS)).collect();
     for (view, fit) in &few {
         let photo = as_the_splat_shows(scene, view.photo()?);
-        let psnr_db = psnr_db(&photo.rgb, &render(&cloud, &view.camera, &RenderOptions::default()));
+        let psnr_db =
+            psnr_db(&photo.rgb, &render(&cloud, &scene.camera_in_input(&view.camera), &RenderOptions::default()));
         if psnr_db < fit.psnr_db + LEAST_GAIN_DB {
             return Ok(None);
         }

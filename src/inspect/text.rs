@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{Doubtful, Inspection, ViewFit};
-use crate::scene::{ForegroundSource, ObjectSource};
+use crate::scene::{ForegroundSource, ObjectSource, Up, UpSource, up};
 use crate::words::output::{counted, one_line};
 
 /// Maximum number of views listed one by one; the rest are summarised.
@@ -22,6 +22,7 @@ pub fn to_text(inspection: &Inspection) -> String {
     let [x, y, z] = inspection.extent.size;
     line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z) between centres, without outliers"));
     line("", format!("from {} to {}", corner(inspection.extent.min), corner(inspection.extent.max)));
+    line("up", up(inspection));
     line("scale", scale(inspection));
     line("cameras", cameras(inspection));
     if let Some(source) = inspection.foreground {
@@ -53,6 +54,26 @@ fn gaussians(inspection: &Inspection) -> String {
         ObjectSource::Whole => {}
         ObjectSource::Box => text.push_str(&format!("; {object_gaussians} in the box")),
         ObjectSource::Cluster => text.push_str(&format!("; {object_gaussians} in the cluster taken as the object")),
+    }
+    text
+}
+
+fn up(inspection: &Inspection) -> String {
+    let Up { direction, source, angle_to_cameras } = inspection.up;
+    let found = match source {
+        UpSource::Given => "as given",
+        UpSource::DataSet => "by the convention of the data or its format",
+        UpSource::Support => "the normal of the surface under the objects",
+        UpSource::Cameras => "by the cameras, which are held level",
+        UpSource::Assumed => "assumed, since nothing tells; --up decides",
+    };
+    let mut text = format!("{}: {found}", up::vector(&direction));
+    if let Some(angle) = angle_to_cameras {
+        text.push_str(&format!("; the cameras suggest {:.1} degrees from it", angle.to_degrees()));
+    }
+    if !inspection.up.is_z() {
+        let [x, y, z] = inspection.upright_size;
+        text.push_str(&format!("; with z up, the object is {x:.4} x {y:.4} x {z:.4} scene units"));
     }
     text
 }

@@ -35,11 +35,11 @@ pub fn write(shape: &LinkShape, claimed_mass_kg: Option<f64>, out: &mut dyn io::
         nodes.push(gltf.node(json!({ "mesh": mesh })));
     }
     let Some(mass) = claimed_mass_kg else {
-        gltf.node_z_up("link", &nodes);
-        return gltf.write(&[], None, out);
+        gltf.node_z_up("link", &nodes, 0.0);
+        return gltf.write(&[], &Value::Null, out);
     };
-    gltf.node_z_up_with("link", &nodes, &json!({ EXTENSION: { "motion": { "mass": mass } } }));
-    gltf.write(&[EXTENSION], None, out)
+    gltf.node_z_up_with("link", &nodes, 0.0, &json!({ EXTENSION: { "motion": { "mass": mass } } }));
+    gltf.write(&[EXTENSION], &Value::Null, out)
 }
 
 /// One primitive for each material that is used.

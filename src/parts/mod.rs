@@ -236,6 +236,21 @@ impl Found {
         labels.iter().enumerate().map(of_label).collect()
     }
 
+    /// As [`Self::built`], unless one of these `ways` has the same constructions: it is taken from them, since what the labels
+    /// are made of changes no volume.
+    fn built_once(
+        &self,
+        field: &MaterialField,
+        labels: Vec<FieldLabel>,
+        constructions: Vec<Construction>,
+        ways: &mut Vec<Built>,
+    ) -> Built {
+        match ways.iter().position(|way| way.constructions == constructions) {
+            Some(way) => Built { labels, ..ways.swap_remove(way) },
+            None => self.built(field, labels, constructions),
+        }
+    }
+
     /// The labels filled as `constructions` say.
     fn built(&self, field: &MaterialField, labels: Vec<FieldLabel>, constructions: Vec<Construction>) -> Built {
         let (composed, cells) = compose::compose(self.cells.clone(), &constructions, &self.chords, &self.evidence);
@@ -298,11 +313,13 @@ fn weigh(
     };
     let possible = possible.filter(|possible| meters_per_unit.is_some() && possible.most_choices() > 0);
     let believed = possible.map(|possible| believed(field, &found, possible, scaled, options));
+    let (believed, mut ways) = believed.map_or((None, Vec::new()), |(believed, ways)| (Some(believed), ways));
     let labels = possible.zip(believed.as_ref()).map(|(possible, of)| possible.labels_taken(field, &of.taken));
     let labels = labels.unwrap_or_else(|| field.labels.clone());
     let constructions = found.constructions(&labels, meters_per_unit, options);
     let mut warnings = unfilled(&found, &labels, meters_per_unit, options, &constructions);
-    let mut built = found.built(field, labels, constructions);
+    let mut built = found.built_once(field, labels, constructions, &mut ways);
+    drop(ways);
 
     let connected = Bodies::of(&built.composed.interior, built.constructions.len());
     let mut bodies = bodies(&built.composed, &connected, &built.shapes, gaussians, &field.part_label);
@@ -345,25 +362,27 @@ fn weigh(
     Ok(PartsResult { interior: built.composed.interior, shapes: built.shapes, warnings, notes, parts })
 }
 
-/// What is believed of an object that, with its parts, may be several things.
+/// What is believed of an object that, with its parts, may be several things, and the ways in which it was filled for that.
 fn believed(
     field: &MaterialField,
     found: &Found,
     possible: &Possibilities,
     scale: weights::Scale,
     options: &Options,
-) -> Believed {
+) -> (Believed, Vec<Built>) {
     let mut unknowns = Unknowns::default();
     let no_bodies: Vec<Vec<Body>> = field.labels.iter().map(|_| Vec::new()).collect();
     let mut label_of = Vec::new();
     let (mut weights, mut labels) = (Vec::new(), Vec::new());
+    let mut ways: Vec<Built> = Vec::new();
     for choice in 0..possible.most_choices() {
         let chosen = possible.labels_with(field, choice);
         let constructions = found.constructions(&chosen, Some(scale.meters_per_unit), options);
-        let built = found.built(field, chosen, constructions);
+        let built = found.built_once(field, chosen, constructions, &mut ways);
         weights.push(weights::weights(&built.weighables(&no_bodies), scale, &mut unknowns));
         label_of = built.used().collect();
-        labels.push(built.labels);
+        labels.push(built.labels.clone());
+        ways.push(built);
     }
     let evidence = belief::Evidence {
         possible,
@@ -372,7 +391,7 @@ fn believed(
         label_of: &label_of,
         reading_kg: options.known_mass,
     };
-    belief::believe(&evidence, &mut unknowns)
+    (belief::believe(&evidence, &mut unknowns), ways)
 }
 
 /// The solid parts with their masses, and the fillings.

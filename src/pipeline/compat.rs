@@ -39,7 +39,7 @@ pub fn run(
     carry_out(&gaussians(scene, options)?, &config, None, out, progress)
 }
 
-/// Like [`run()`], but every Gaussian has the material that the field gives it; without `config`, the configuration is
+/// Like [`run()`], but upright as the exported cloud, and every Gaussian has the material that the field gives it; without `config`, the configuration is
 /// the one that the export writes. The scene must be voted on.
 pub fn run_on_field(open: &OpenScene, config: Option<&Path>) -> Result<(CompatReport, PathBuf)> {
     let (field, options) = (open.get::<MaterialField>()?, &open.options.simulate);
@@ -87,5 +87,5 @@ fn gaussians(scene: &Path, options: &crate::scene::Options) -> Result<Gaussians>
     if scene.is_file() {
         return Ok(ply::read(scene)?.gaussians);
     }
-    Ok(crate::scene::load(scene, options)?.gaussians)
+    Ok(crate::scene::load(scene, options)?.gaussians_as_read().clone())
 }

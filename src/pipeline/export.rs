@@ -35,6 +35,8 @@ pub fn export(
     let model = Model {
         name: &open.scene.name,
         gaussians: &open.scene.gaussians,
+        as_read: open.scene.gaussians_as_read(),
+        world_from_input: open.scene.up.world_from_input(),
         field: &*weighed_field(open)?,
         interior: &*open.get::<Interior>()?,
         scale: scale.as_ref(),

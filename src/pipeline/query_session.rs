@@ -297,30 +297,27 @@ impl<'a> QuerySession<'a> {
                 break;
             }
         }
-        let all = answers.into_iter().map(|(SubjectInView { view, id }, outcome)| SubjectAnswer {
-            view: self.views[view].name.to_owned(),
-            subject: SubjectId::of(self.about, id),
-            outcome,
-        });
-        Ok(Answers::new(all.collect()))
+        Ok(self.named(answers))
     }
 
-    /// The most probable choice for each piece of the object, as an answer about its first region in the view that shows it
-    /// best.
-    fn of_pieces(&self, recognized: &Recognition) -> Answers {
-        let mut answers: Vec<(SubjectInView, Outcome)> = Vec::new();
-        for piece in &recognized.pieces {
-            let Some(place) = self.best_place(piece) else { continue };
-            let choice = &piece.choices[piece.most_probable(&recognized.hypotheses)];
-            answers.push((place, Outcome::Answered(choice.answer.clone())));
-        }
-        answers.sort_by_key(|(place, _)| *place);
+    /// Outcomes by view and id as answers, in that order.
+    fn named(&self, outcomes: BTreeMap<SubjectInView, Outcome>) -> Answers {
         let answer = |(SubjectInView { view, id }, outcome)| SubjectAnswer {
             view: self.views[view].name.to_owned(),
             subject: SubjectId::of(self.about, id),
             outcome,
         };
-        Answers::new(answers.into_iter().map(answer).collect())
+        Answers::new(outcomes.into_iter().map(answer).collect())
+    }
+
+    /// The most probable choice for each piece of the object, as an answer about its first region in the view that shows it
+    /// best.
+    fn of_pieces(&self, recognized: &Recognition) -> Answers {
+        let answered = |piece: &Piece| {
+            let choice = &piece.choices[piece.most_probable(&recognized.hypotheses)];
+            Some((self.best_place(piece)?, Outcome::Answered(choice.answer.clone())))
+        };
+        self.named(recognized.pieces.iter().filter_map(answered).collect())
     }
 
     /// The first region of a piece in the view that shows it best; `None` if no view shows it.

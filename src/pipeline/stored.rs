@@ -79,8 +79,8 @@ impl Stored {
         self.work.path(artifact)
     }
 
-    /// The Gaussians, with the outliers set aside as in the run, and their material field; the vote must be among the
-    /// stages.
+    /// The Gaussians in the input's frame, with the outliers set aside as in the run, and their material field; the vote must
+    /// be among the stages.
     ///
     /// # Errors
     /// If they are not what gprop wrote.

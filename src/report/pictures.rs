@@ -81,8 +81,13 @@ const OBJECT_LONGEST_SIDE: u32 = 1200;
 /// # Errors
 /// If it is not a picture.
 pub fn shrink_object(sheet: &[u8]) -> ImageResult<Vec<u8>> {
+    shrunk(sheet, OBJECT_LONGEST_SIDE)
+}
+
+/// A sheet that was sent, as JPEG with this longest side.
+fn shrunk(sheet: &[u8], longest_side: u32) -> ImageResult<Vec<u8>> {
     let picture = ImageReader::with_format(files::picture_of(sheet), ImageFormat::Jpeg).decode()?.into_rgb8();
-    jpeg(&picture, OBJECT_LONGEST_SIDE)
+    jpeg(&picture, longest_side)
 }
 
 impl SheetPicture {
@@ -91,8 +96,7 @@ impl SheetPicture {
     /// # Errors
     /// If it is not a picture.
     pub fn shrink(view: &str, subject: u16, sheet: &[u8]) -> ImageResult<Self> {
-        let picture = ImageReader::with_format(files::picture_of(sheet), ImageFormat::Jpeg).decode()?.into_rgb8();
-        Ok(Self { view: view.to_owned(), subject, jpeg: jpeg(&picture, SHEET_LONGEST_SIDE)? })
+        Ok(Self { view: view.to_owned(), subject, jpeg: shrunk(sheet, SHEET_LONGEST_SIDE)? })
     }
 }
 

@@ -119,15 +119,19 @@ fn has_cameras(folder: &Path) -> bool {
 
 /// The metric scale of the data set that the scene `folder` belongs to: the cameras of ABO-500 are in metres.
 pub(super) fn convention_of(folder: &Path, splat_units_per_camera_unit: f64) -> Option<MetricScale> {
-    let folder = folder.canonicalize().ok()?;
-    let scenes = folder.parent().filter(|parent| parent.file_name().is_some_and(|name| name == "scenes"));
-    let root = scenes.and_then(Path::parent)?;
-    (root.join(MASSES).is_file() || root.join(SPLITS).is_file()).then(|| MetricScale {
+    is_of_abo(folder).then(|| MetricScale {
         meters_per_unit: 1.0 / splat_units_per_camera_unit,
         source: ScaleSource::DataSet,
         provenance: "ABO-500 is in metres".to_owned(),
         range: None,
     })
+}
+
+/// Whether the scene `folder` belongs to ABO-500, whose cameras' world has z up.
+pub(super) fn is_of_abo(folder: &Path) -> bool {
+    let folder = folder.canonicalize().unwrap_or_default();
+    let scenes = folder.parent().filter(|parent| parent.file_name().is_some_and(|name| name == "scenes"));
+    scenes.and_then(Path::parent).is_some_and(|root| root.join(MASSES).is_file() || root.join(SPLITS).is_file())
 }
 
 fn recognised(folder: &Path) -> Layout {

@@ -4,10 +4,10 @@
 //! 1. [`splat`] finds the file that holds the Gaussians and selects the reader of its format.
 //! 2. [`cameras`] finds and reads the camera file and matches each camera with its photo; `align` converts the cameras.
 //! 3. [`photos::mask_reading`] decides what the masks mean, from what the splat shows.
-//! 4. `object` separates the object's Gaussians from its surroundings; [outliers](object::outliers) finds those that cannot belong to
+//! 4. [`up`] finds which way is up, and the scene is turned so that it is z.
+//! 5. `object` separates the object's Gaussians from its surroundings; [outliers](object::outliers) finds those that cannot belong to
 //!    any object.
-//! 5. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is sought only by [`Scene::scale_in_photos`].
-//! 6. `object::up` warns if the cameras suggest that another axis than z points up.
+//! 6. `scale` determines the length of a scene unit; a printed [`marker`](Marker) is sought only by [`Scene::scale_in_photos`].
 //!
 //! A scene may be a mesh instead, a single file: `of_mesh` loads it.
 //!
@@ -25,6 +25,7 @@ mod photos;
 mod reference;
 mod scale;
 pub mod splat;
+pub mod up;
 
 use std::borrow::Cow;
 use std::num::NonZeroUsize;
@@ -38,6 +39,7 @@ use crate::units::MetricScale;
 use crate::words::progress::Progress;
 use cameras::align::{Align, Conversion};
 use cameras::{Registered, dataparser};
+use object::support::Plane;
 
 pub use crate::gaussians::bounds::Bounds;
 pub(crate) use crate::gaussians::bounds::robust_bounds;
@@ -54,6 +56,8 @@ pub use scale::marker::board::svg as marker_board;
 pub use scale::{ScaleChoice, SizedMarker};
 pub use splat::Loaded;
 pub use splat::{QuaternionOrder, SPLAT_FORMATS, SplatFormat};
+pub use up::choice::UpChoice;
+pub use up::{Up, UpSource};
 
 /// The largest error of a length that gives the scale, as a share of it: the scale's interval then ends at ten times the scale,
 /// and beyond any bound for larger errors. A side of the object with a larger error is refused; that of a marker is cut off.
@@ -72,6 +76,12 @@ pub struct Scene {
     pub surroundings: Gaussians,
     /// How the two were told apart.
     pub object_source: ObjectSource,
+    /// Which way is up in the input's frame. Gaussians and views are in the world's frame, where it is z.
+    pub up: Up,
+    /// Why that is in doubt, if it is. It is among the warnings.
+    pub up_in_doubt: Option<String>,
+    /// The object's Gaussians in the input's frame, bit for bit as they were read; `None` if that is the world's.
+    as_read: Option<Gaussians>,
     /// Every view with a camera and a photo, in the order of the camera file.
     pub views: Vec<View>,
     /// The conversion that the views' cameras went through: `--align`.
@@ -110,6 +120,32 @@ impl Scene {
         let mut cloud = self.gaussians.clone();
         cloud.append(&self.surroundings);
         Cow::Owned(cloud)
+    }
+
+    /// The object's Gaussians in the input's frame, as they were read.
+    pub fn gaussians_as_read(&self) -> &Gaussians {
+        self.as_read.as_ref().unwrap_or(&self.gaussians)
+    }
+
+    /// A camera in the input's frame.
+    pub fn camera_in_input(&self, camera: &Camera) -> Camera {
+        let camera_from_input = camera.camera_from_world * self.up.world_from_input();
+        Camera { camera_from_world: camera_from_input, ..camera.clone() }
+    }
+
+    /// The same scene with the input's frame as its world's, whatever is up in it.
+    pub fn in_input_frame(&self) -> Cow<'_, Self> {
+        if self.up.is_z() {
+            return Cow::Borrowed(self);
+        }
+        let mut scene = self.clone();
+        let input_from_world = self.up.world_from_input().inverse();
+        up::turn::gaussians(&mut scene.surroundings, &input_from_world);
+        up::turn::views(&mut scene.views, &input_from_world);
+        scene.gaussians.clone_from(self.gaussians_as_read());
+        scene.as_read = None;
+        scene.up = Up::ASSUMED;
+        Cow::Owned(scene)
     }
 
     /// The box that holds the centres of all opaque Gaussians except a few strays.
@@ -167,13 +203,29 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
         None => found.views(folder, options)?,
     };
     let splat = found.read_splat(&splat_path, options)?;
-    found.masks(folder, &mut views, &splat.gaussians, options)?;
-    let separated = object::separate(splat.gaussians, &views, options)?;
+    let mut gaussians = splat.gaussians;
+    found.masks(folder, &mut views, &gaussians, options)?;
+    let frame = found.frame(&gaussians, &views, &options.up)?;
+    let mut as_read = up::turn::upright(&frame.up, &mut gaussians, &mut views);
+    found.notes.extend(frame.up.note());
+    let means = object::Means {
+        object_box: options.object_box.as_ref(),
+        as_read: as_read.as_ref(),
+        support: frame.support_in_world.as_ref(),
+    };
+    let separated = object::separate(gaussians, &views, &means)?;
     found.notes.push(separated.note);
     let mut object = separated.object;
-    if let Some(set_aside) = object::outliers::set_aside(&mut object, progress)? {
+    if let Some(as_read) = &mut as_read {
+        as_read.retain(&separated.kept);
+    }
+    // Messages name places, which users look up in the splat.
+    if let Some(set_aside) = object::outliers::set_aside(as_read.as_mut().unwrap_or(&mut object), progress)? {
         let kind = if set_aside.are_few() { &mut found.notes } else { &mut found.warnings };
         kind.push(set_aside.to_string());
+    }
+    if let Some(as_read) = &as_read {
+        object.set_aside.clone_from(&as_read.set_aside);
     }
     let measured = scale::Measured {
         object: &object,
@@ -184,7 +236,7 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     };
     let (scale, warning) = options.scale.metric_scale(&measured)?;
     found.warnings.extend(warning);
-    found.warnings.extend(object::up::warning(&views));
+    found.warnings.extend(frame.doubt.clone());
     Ok(Scene {
         name: name_of(folder),
         scale,
@@ -192,6 +244,9 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
         mesh: None,
         surroundings: separated.surroundings,
         object_source: separated.source,
+        up: frame.up,
+        up_in_doubt: frame.doubt,
+        as_read,
         views,
         conversion: found.conversion,
         registered: found.registered,
@@ -225,6 +280,15 @@ struct Found {
     splat_units_per_camera_unit: Option<f64>,
     conversion: Conversion,
     registered: Registered,
+    /// Whether z is up in the splat's frame, as the camera file says.
+    z_is_up: bool,
+}
+
+/// The world's frame, and what gives it.
+struct Frame {
+    up: Up,
+    doubt: Option<String>,
+    support_in_world: Option<Plane>,
 }
 
 impl Default for Found {
@@ -236,6 +300,7 @@ impl Default for Found {
             splat_units_per_camera_unit: Some(1.0),
             conversion: Conversion::default(),
             registered: Registered::default(),
+            z_is_up: false,
         }
     }
 }
@@ -285,6 +350,7 @@ impl Found {
         let registered = Registered::of(&capture, &choice, &options.read_scope(folder).and(named));
         self.registered = if moved { registered.without_points() } else { registered };
         self.conversion = self.registered.conversion(&options.align)?;
+        self.z_is_up = !moved && self.conversion.is_none() && (capture.z_is_up || dataset::is_of_abo(folder));
         let places = cameras::Places::of(folder, &choice, options);
         let found = photos::find::find_photos(&choice.path, &capture.frames, &places)?;
         self.warnings.extend(found.warnings);
@@ -300,6 +366,22 @@ impl Found {
             self.files.extend(self.registered.points().map(Path::to_owned));
         }
         Ok(views)
+    }
+
+    /// Finds which way is up, and the support.
+    fn frame(&self, gaussians: &Gaussians, views: &[View], choice: &UpChoice) -> Result<Frame, SceneError> {
+        let cameras = up::cameras::up(views);
+        let may_have_support = !views.is_empty() && object::own_foreground(views)? == ForegroundSource::Whole;
+        let focus =
+            may_have_support.then(|| object::support::Focus::of(gaussians, &object::support::poses(views))).flatten();
+        let support = focus.and_then(|focus| focus.support(cameras.as_ref()));
+        let evidence = up::Evidence { choice, z_by_convention: self.z_is_up, cameras, support: support.as_ref() };
+        let up = up::find(&evidence);
+        Ok(Frame {
+            up,
+            doubt: up::doubt(&up, cameras.as_ref()),
+            support_in_world: support.map(|support| support.turned(&up.world_from_input())),
+        })
     }
 
     /// Decides how the masks are read.

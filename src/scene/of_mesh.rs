@@ -11,7 +11,8 @@ use serde::Serialize;
 use super::cameras::Registered;
 use super::cameras::align::{Align, Conversion};
 use super::mesh::{self, Axes, Mesh, MeshError, PaintedMesh, sample};
-use super::{ObjectSource, Options, Scene, SceneError, scale};
+use super::up::choice::UpChoice;
+use super::{ObjectSource, Options, Scene, SceneError, Up, scale};
 use crate::gaussians::Gaussians;
 use crate::gaussians::bounds::longest_side;
 use crate::units::{MetricScale, ScaleSource};
@@ -40,6 +41,8 @@ pub(super) fn load(path: &Path, options: &Options) -> Result<Scene, SceneError> 
     notes.extend(mesh.notes.iter().cloned());
     let mut warnings = mesh.warnings.clone();
     let files = mesh.files.clone();
+    // glTF is the format that says how long a unit is, and it also says which way is up.
+    let up = if stated.is_some() { Up::CONVENTION } else { Up::ASSUMED };
     let painted = PaintedMesh::new(mesh).map_err(in_file)?;
     let sampled = sample(&painted).map_err(in_file)?;
     let measured = scale::Measured { object: &sampled.gaussians, views: &[], data_set: stated };
@@ -61,6 +64,9 @@ pub(super) fn load(path: &Path, options: &Options) -> Result<Scene, SceneError> 
         views: Vec::new(),
         conversion: Conversion::default(),
         registered: Registered::default(),
+        up,
+        up_in_doubt: None,
+        as_read: None,
         scale,
         files,
         notes,
@@ -76,6 +82,7 @@ fn refuse_options_of_photos(options: &Options) -> Result<(), SceneError> {
         (options.images.is_some(), "--images"),
         (options.masks.is_some(), "--masks"),
         (options.align != Align::default(), "--align"),
+        (options.up != UpChoice::Auto, "--up"),
         (options.object_box.is_some(), "--object-box"),
     ];
     match given.into_iter().find(|(is_given, _)| *is_given) {

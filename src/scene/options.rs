@@ -17,6 +17,7 @@ use crate::gaussians::bounds::Bounds;
 use crate::scene::cameras::align::Align;
 use crate::scene::photos::mask_color::MaskChoice;
 use crate::scene::splat::QuaternionOrder;
+use crate::scene::up::choice::UpChoice;
 
 /// The keys that a scene may set: where its own files are, which views show it best, its frame, its object and its
 /// scale. Only the user may allow files outside its folder to be read.
@@ -30,6 +31,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::path("masks"),
     SceneKey::any("mask-color"),
     SceneKey::any("align"),
+    SceneKey::any("up"),
     SceneKey::any("object-box"),
     SceneKey::any("render-views"),
     SceneKey::with("scale", ScaleChoice::may_be_of_scene, "any other scale"),
@@ -97,7 +99,11 @@ pub struct Options {
     #[arg(long, value_name = "NAME[+NAME...]", default_value_t)]
     pub align: Align,
 
-    /// Box around the object: two corners in scene units. Without a box, alpha or masks, the object is the densest cluster of
+    /// Which way is up in the splat's frame: an axis, a direction, or found (the surface under the objects, else the cameras)
+    #[arg(long, value_name = "auto|-y|...|X,Y,Z", default_value_t, allow_hyphen_values = true)]
+    pub up: UpChoice,
+
+    /// Box around the object: two corners in scene units, in the splat's frame. Without a box, alpha or masks, the object is the densest cluster of
     /// Gaussians that the cameras look at
     #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true)]
     pub object_box: Option<ObjectBox>,
@@ -108,10 +114,10 @@ pub struct Options {
     pub render_views: Option<NonZeroUsize>,
 
     /// Length of a scene unit: `metric` (one metre), a factor in metres per scene unit, `known-length:X,Y,Z:X,Y,Z=M` (two
-    /// points of the scene and their distance in metres), `bbox:AXIS=M` (a side of the object's box), `cameras:A,B=M`
+    /// points of the scene and their distance in metres), `bbox:AXIS=M` (a side of the object's box, z is up), `cameras:A,B=M`
     /// (the distance between two views' cameras), `apriltag:FAMILY,ID=M` or `aruco:DICT,ID=M` (the side of a printed
-    /// marker that photos show, see `gprop scale board`), `estimate` (the model is asked how long such an object is), or
-    /// `auto` (as the data set states it, else from --known-mass, else unknown). Lengths may end in mm, cm or m
+    /// marker that photos show, see `gprop scale board`), `estimate` (the model says how long it is), or `auto` (as the data set
+    /// states it, else from --known-mass, else unknown). Lengths may end in mm, cm or m
     #[arg(long, value_name = "auto|metric|F|...", default_value_t)]
     pub scale: ScaleChoice,
 }

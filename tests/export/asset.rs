@@ -12,7 +12,7 @@ use gprop::scene::mesh::solid::Measured;
 use gprop::scene::mesh::{self, Axes, Mesh};
 use gprop::scene::{self, Scene};
 use gprop::vote::{FieldLabel, MaterialField};
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -98,6 +98,8 @@ impl Weighed {
         let model = Model {
             name: &self.scene.name,
             gaussians: &self.scene.gaussians,
+            as_read: &self.scene.gaussians,
+            world_from_input: UnitQuaternion::identity(),
             field: &self.field,
             interior: &self.result.interior,
             scale: self.scene.scale.as_ref(),

@@ -24,6 +24,8 @@ fn model(measured: &Measured) -> Model<'_> {
     Model {
         name: &measured.scene.name,
         gaussians: &measured.scene.gaussians,
+        as_read: measured.scene.gaussians_as_read(),
+        world_from_input: measured.scene.up.world_from_input(),
         field: measured.field,
         interior: &measured.result.interior,
         scale: measured.scene.scale.as_ref(),

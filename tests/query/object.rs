@@ -15,7 +15,7 @@ use crate::run::gprop;
 
 const FEW: &[&str] = &["--frames", "2", "--duration", "0.02", "--grid", "16"];
 
-/// A ball of 20 cm: of solid wood, some three kilograms, or of hollow plastic, a few hundred grams. The model is not sure which.
+/// A ball of 20 cm: of solid wood, some five kilograms, or of hollow plastic, a few hundred grams. The model is not sure which.
 /// All regions are one piece.
 fn wood_or_plastic(mass_of_hollow_g: [f64; 2], regions: &[u16]) -> Value {
     let choice = |under: usize, family: &str, material: &str, wall: Value| {
@@ -30,7 +30,7 @@ fn wood_or_plastic(mass_of_hollow_g: [f64; 2], regions: &[u16]) -> Value {
     json!({
         "object": "a ball", "printed": null, "printed_mass_g": null, "printed_volume_ml": null,
         "hypotheses": [
-            { "what": "a ball of solid wood", "probability": 0.5, "mass_g": [2000, 4500] },
+            { "what": "a ball of solid wood", "probability": 0.5, "mass_g": [3500, 7000] },
             { "what": "a hollow plastic ball", "probability": 0.5, "mass_g": mass_of_hollow_g },
         ],
         "pieces": [{

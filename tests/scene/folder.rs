@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::Parser;
 use gprop::scene::splat::ply;
-use gprop::scene::{self, Options, Scene, SceneError};
+use gprop::scene::{self, Options, Scene, SceneError, UpChoice};
 use gprop::units::ScaleSource;
 use image::RgbImage;
 use serde_json::{Value, json};
@@ -36,9 +36,10 @@ impl MadeUp {
         self.load_as_is(options)
     }
 
-    /// Loads the folder as it is.
+    /// Loads the folder as it is, in its own frame, whatever is up in it, unless the options say something else.
     pub fn load_as_is(&self, options: &Options) -> Result<Scene, SceneError> {
-        scene::load(self.folder.path(), options)
+        let up = if options.up == UpChoice::Auto { UpChoice::Along([0.0, 0.0, 1.0]) } else { options.up };
+        scene::load(self.folder.path(), &Options { up, ..options.clone() })
     }
 
     pub fn load(&self) -> Result<Scene, SceneError> {
@@ -132,43 +133,6 @@ fn chosen_views_are_spread_and_always_the_same() {
     let first: Vec<String> = scene.views[..10].iter().map(|view| view.name.clone()).collect();
     println!("{chosen:?}: {:.3} rad apart at least, the first ten {:.3}", least_angle(&chosen), least_angle(&first));
     assert!(least_angle(&chosen) > 1.5 * least_angle(&first));
-}
-
-#[test]
-fn cameras_that_do_not_take_z_as_up_get_a_warning() {
-    // The cameras turn about x by quarter turns: y and z of their upward and backward axes.
-    let warnings_with = |up: [f64; 2], back: [f64; 2], cameras: usize| {
-        let mut made_up = MadeUp::new();
-        let frames = made_up.transforms["frames"].as_array_mut().unwrap();
-        frames.truncate(cameras);
-        for frame in frames {
-            for (row, (up, back)) in up.into_iter().zip(back).enumerate() {
-                frame["transform_matrix"][1 + row][1] = json!(up);
-                frame["transform_matrix"][1 + row][2] = json!(back);
-            }
-        }
-        made_up.load().unwrap().warnings
-    };
-    let none: [String; 0] = [];
-    assert_eq!(warnings_with([0.0, 1.0], [-1.0, 0.0], 4), none);
-    for (up, back, axis, lying) in [
-        ([1.0, 0.0], [0.0, 1.0], "+y is up", "lying on its side"),
-        ([-1.0, 0.0], [0.0, -1.0], "-y is up", "lying on its side"),
-        ([0.0, -1.0], [1.0, 0.0], "-z is up", "upside down"),
-    ] {
-        let warnings = warnings_with(up, back, 4);
-        assert!(warnings.len() == 1 && warnings[0].contains(axis) && warnings[0].contains(lying), "{warnings:?}");
-        assert_eq!(warnings_with(up, back, 2), none);
-    }
-    // Cameras that do not agree: two are upside down.
-    let mut made_up = MadeUp::new();
-    for frame in &mut made_up.transforms["frames"].as_array_mut().unwrap()[..2] {
-        frame["transform_matrix"][1][1] = json!(-1.0);
-        frame["transform_matrix"][2][2] = json!(-1.0);
-    }
-    assert_eq!(made_up.load().unwrap().warnings, none);
-    let rendered = options(&["--render-views", "4"]).unwrap();
-    assert_eq!(made_up.load_as_is(&rendered).unwrap().warnings, none);
 }
 
 #[test]
@@ -446,8 +410,7 @@ fn photos_of_another_size_rescale_the_intrinsics() {
     let scene = made_up.load().unwrap();
     let i = scene.views[0].camera.intrinsics;
     assert_eq!((i.width, i.height, i.fx, i.fy, i.cx, i.cy), (8, 6, 5.0, 5.0, 4.0, 3.0));
-    assert_eq!(scene.warnings.len(), 2);
-    assert!(scene.warnings[1].contains("+y is up"), "{:?}", scene.warnings);
+    assert_eq!(scene.warnings.len(), 1);
     assert!(
         scene.warnings[0].contains("4 photos") && scene.warnings[0].contains("16 x 12, found 8 x 6"),
         "{:?}",

@@ -34,6 +34,8 @@ mod photo;
 mod ply;
 // The table of docs/formats.md: what you have, what to type.
 mod table;
+// Which way is up, and scenes in any frame.
+mod up;
 
 /// A failing case is printed in full; no file is kept beside the sources.
 fn proptest_config() -> proptest::test_runner::Config {

@@ -83,7 +83,8 @@ fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>, allow_read: &[
     }
     let open = stored::open(scene, out, allow_read, Stage::Vote, global.progress())?;
     let (gaussians, field) = Stored::open(scene, out, &[Stage::Vote])?.field()?;
-    let mapped = open.scene.views.iter().filter(|view| true_map(scene, view).exists());
+    let in_input_frame = open.scene.in_input_frame();
+    let mapped = in_input_frame.views.iter().filter(|view| true_map(scene, view).exists());
     let views = mapped.map(|view| true_view(scene, view, &open.options.scene, false));
     let part_ids: Vec<u32> = field.part_ids().collect();
     Ok(most_shown(&gaussians, &part_ids, &views.collect::<Result<Vec<_>>>()?))
@@ -154,7 +155,7 @@ fn measure(
             continue;
         }
         let places: Vec<(f64, f64)> = here.iter().map(|reading| (reading.x, reading.y)).collect();
-        let said = hardness::field_at(&gaussians, &field, &view.camera, &places);
+        let said = hardness::field_at(&gaussians, &field, &loaded.camera_in_input(&view.camera), &places);
         let pairs = here.into_iter().zip(said);
         measured.extend(pairs.map(|(reading, predicted)| Measured { reading: reading.clone(), predicted }));
     }

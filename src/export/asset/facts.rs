@@ -19,8 +19,10 @@ pub struct FileFrame {
 
 impl FileFrame {
     pub fn of(model: &Model, format: &MeshFormat) -> Self {
+        let input_from_world = model.world_from_input.inverse().to_rotation_matrix();
+        let file_from_input = if format.is_y_up { y_up_from_z_up() } else { Rotation3::identity() };
         Self {
-            file_from_world: if format.is_y_up { y_up_from_z_up() } else { Rotation3::identity() },
+            file_from_world: file_from_input * input_from_world,
             meters_per_unit: model.scale.map_or(1.0, |scale| scale.meters_per_unit),
         }
     }

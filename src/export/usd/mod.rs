@@ -19,8 +19,9 @@ mod thumbnail;
 
 use std::fmt::Write;
 
+use super::placement::Axes;
 use super::{ExportError, Files, Model, Rigid, obj};
-use text::{extent, quoted, triple};
+use text::{extent, list, quoted, triple};
 
 /// Wikidata's item "physical object": gprop does not know what kind of thing it measured.
 const QCODE: &str = "Q223557";
@@ -57,6 +58,7 @@ fn stage(model: &Model, rigid: &Rigid) -> String {
         r#"#usda 1.0
 (
     customLayerData = {{
+        double[] input_from_asset = {input_from_asset}
 {metadata}    }}
     defaultPrim = "{name}"
     kilogramsPerUnit = 1
@@ -74,7 +76,7 @@ def Xform "{name}" (
 )
 {{
     float3[] extentsHint = {extent}
-{mass}    token[] semantics:labels:class = ["prop"]
+{mass}{raised}    token[] semantics:labels:class = ["prop"]
     # Physical object.
     token[] semantics:labels:wikidata_qcode = ["{QCODE}"]
 
@@ -94,12 +96,20 @@ def Xform "{name}" (
     }}
 
 "#,
+        input_from_asset = list(rigid.placement.input_from_asset(Axes::ZUp).into_iter().map(|n| n.to_string())),
         metadata = metadata(rigid),
         extent = {
             let (low, high) = rigid.extent();
             extent([low, high].into_iter().map(Into::into))
         },
         mass = physics::mass(rigid),
+        raised = match rigid.placement.rise {
+            0.0 => String::new(),
+            rise => format!(
+                "    double3 xformOp:translate = {}\n    uniform token[] xformOpOrder = [\"xformOp:translate\"]\n",
+                triple([0.0, 0.0, rise])
+            ),
+        },
     );
     physics::write_materials(&mut text, rigid);
     meshes::write_skin(&mut text, rigid);

@@ -1,7 +1,7 @@
 //! What is believed of an object after all evidence: what it is, how its pieces are made, and how heavy it is.
 //!
 //! The unknowns are the object's identity (a [`Hypothesis`]), the way in which each piece is made (a choice), and under each
-//! of them the continuous ones of [`unknowns`](super::mass::unknowns). A [state](states) is one combination of identity and
+//! of them the continuous ones of [`unknowns`](super::mass::unknowns). A [state](mod@states) is one combination of identity and
 //! choices; its prior probability is what the model says. Under a state, shape and materials give a belief about the mass, and so
 //! does the model's own estimate for such a thing; both are [`Spread`]s of its logarithm, independent of each other:
 //!
@@ -142,6 +142,7 @@ pub struct Believed {
 const EXCLUDED: f64 = 1e-4;
 /// States whose parts are weighed one by one; the rest differ little from them, or are improbable.
 const WEIGHED_STATES: usize = 8;
+
 /// The evidence that bears on the masses.
 pub struct Evidence<'a> {
     pub possible: &'a Possibilities,
@@ -201,18 +202,7 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
         unshown_kg: unnumbered.iter().map(|of| of.probability * middle(of.mass_kg)).sum(),
         printed_kg: best.and_then(|best| printed_mass(evidence, &states[best].state)),
         object: ObjectBelief {
-            hypotheses: possible
-                .hypotheses
-                .iter()
-                .zip(by_hypothesis.iter().zip(&of_hypothesis))
-                .map(|(stated, ((curve, _), probability))| BelievedHypothesis {
-                    what: stated.what.clone(),
-                    stated_probability: stated.probability,
-                    stated_mass_kg: stated.mass_kg,
-                    probability: *probability,
-                    mass_kg: (*probability > EXCLUDED).then(|| curve.percentiles()),
-                })
-                .collect(),
+            hypotheses: hypotheses(possible, &by_hypothesis, &of_hypothesis),
             parts: parts(possible, &states, &posterior, &taken),
             shape_kg: by_shape.percentiles(),
             printed: printed_text(possible, &states),
@@ -222,6 +212,18 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
         mass_kg: whole.percentiles(),
         taken,
     }
+}
+
+/// The hypotheses with their probabilities and curves after the evidence.
+fn hypotheses(possible: &Possibilities, curves: &[(Curve, f64)], probabilities: &[f64]) -> Vec<BelievedHypothesis> {
+    let believed = |(stated, ((curve, _), probability)): (&Hypothesis, (&(Curve, f64), &f64))| BelievedHypothesis {
+        what: stated.what.clone(),
+        stated_probability: stated.probability,
+        stated_mass_kg: stated.mass_kg,
+        probability: *probability,
+        mass_kg: (*probability > EXCLUDED).then(|| curve.percentiles()),
+    };
+    possible.hypotheses.iter().zip(curves.iter().zip(probabilities)).map(believed).collect()
 }
 
 /// The combinations of hypotheses, of choices for the labels that have any, and of whether each thing without a number is

@@ -21,13 +21,15 @@ const END: f64 = 2.353_363;
 const PEAK: f64 = 0.367_552_6;
 /// No mass is known better than this from a shape or a guess: the half-width of an interval's logarithm.
 const NARROWEST: f64 = 0.005;
+/// A part whose wall has no thickness weighs nothing, which has no logarithm: less than any scale shows stands for it.
+const LEAST_KG: f64 = 1e-9;
 
 impl Spread {
     /// The belief whose 5th, 50th and 95th percentiles are those of the estimate, kg.
     pub fn of(mass_kg: Estimate) -> Self {
         let half = |ratio: f64| if ratio > 0.0 && ratio.is_finite() { ratio.ln().max(NARROWEST) / END } else { 1.0 };
         let Estimate { low, mid, high } = mass_kg;
-        Self { middle: mid.ln(), below: half(mid / low), above: half(high / mid) }
+        Self { middle: mid.max(LEAST_KG).ln(), below: half(mid / low), above: half(high / mid) }
     }
 
     /// The belief whose 5th and 95th percentiles are the ends of the range, kg, and which is symmetric in the logarithm.
@@ -124,6 +126,15 @@ mod tests {
         for (found, given) in [(found.low, given.low), (found.mid, given.mid), (found.high, given.high)] {
             assert!((found / given).ln().abs() < 0.02, "{found} for {given}");
         }
+    }
+
+    #[test]
+    fn a_mass_of_nothing_is_a_belief_too() {
+        let nothing = Spread::of(Estimate::exactly(0.0));
+        let something = Spread::of_range(Range::new(0.1, 0.2));
+        let (curve, agreement) = Curve::over([&nothing, &something].into_iter()).product(&nothing, Some(&something));
+        let Estimate { low, mid, high } = curve.percentiles();
+        assert!([low, mid, high, agreement].iter().all(|number| number.is_finite()), "{low} {mid} {high} {agreement}");
     }
 
     #[test]

@@ -3,6 +3,8 @@
 
 use std::sync::Arc;
 
+use nalgebra::Vector3;
+
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::gaussians::Gaussians;
@@ -87,7 +89,20 @@ fn grasp(
     let kept = without_floaters(gaussians, open.options.parts.min_body_share);
     let object = Gaussians { set_aside: kept.iter().map(|kept| !kept).collect(), ..gaussians.clone() };
     let surface = Surface::of(&object, &field.part_label, cameras, meters_per_unit);
-    Ok(grasp::grasp(parts, &field.labels, Some(&surface), meters_per_unit, &open.gripper, options))
+    let in_world = grasp::Options { point: options.point.map(|point| in_world(open, point)), ..options.clone() };
+    let found = grasp::grasp(parts, &field.labels, Some(&surface), meters_per_unit, &open.gripper, &in_world);
+    // The error shows the point as the user typed it.
+    Ok(found.map_err(|error| match (error, options.point) {
+        (GraspError::PointTooFar { distance_mm, finger_mm, .. }, Some(point)) => {
+            GraspError::PointTooFar { point, distance_mm, finger_mm }
+        }
+        (error, _) => error,
+    }))
+}
+
+/// A point of the input's frame in the world's, in scene units.
+fn in_world(open: &OpenScene, point: [f64; 3]) -> [f64; 3] {
+    (open.scene.up.world_from_input() * Vector3::from(point)).into()
 }
 
 /// Writes that there is no grasp, with the reason as a warning.

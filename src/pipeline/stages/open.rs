@@ -160,7 +160,7 @@ impl Kept {
 
 /// Hash of everything that pictures rendered from the splat or the mesh depend on, short enough for a folder's name.
 fn rendering_key(scene: &Scene, options: &scene::Options) -> Result<String> {
-    let mut hasher = Hasher::new("rendered").with_json(&without_paths(options));
+    let mut hasher = Hasher::new("rendered").with_json(&without_paths(options)).with_json(&scene.up.direction);
     for path in &scene.files {
         hasher = hasher.with(&file_digest(path)?);
     }

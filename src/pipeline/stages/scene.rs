@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Camera;
 use crate::error::Result;
 use crate::inspect;
-use crate::scene::{Options, ScaleChoice};
+use crate::scene::{Options, ScaleChoice, Up};
 use crate::units::MetricScale;
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
@@ -22,6 +22,7 @@ struct ViewsFile<'a> {
     /// Number of Gaussians of the object.
     gaussians: usize,
     scale: Option<&'a MetricScale>,
+    up: &'a Up,
     /// How photos and splat disagree; `None` if they agree.
     misfit: Option<&'a str>,
     views: Vec<ViewEntry<'a>>,
@@ -40,20 +41,22 @@ struct ViewEntry<'a> {
     name: &'a str,
     /// Relative to the scene's folder if it lies in it.
     image: Cow<'a, str>,
+    /// In the input's frame, as the splat.
     #[serde(flatten)]
-    camera: &'a Camera,
+    camera: Camera,
 }
 
 pub(super) const ROW: Row =
     Row { inputs: &[], options: &["scene"], result: Artifact::Views, key: |open, _| key(open), is_stale: never, run };
 
-/// The hash covers every byte of the files and of the chosen photos, which photos there are, and the scale that a data
-/// set states; modification times and how the paths are written do not matter.
+/// The hash covers every byte of the files and of the chosen photos, which photos there are, which way is up, and the scale
+/// that a data set states; modification times and how the paths are written do not matter.
 pub fn key(open: &OpenScene) -> Result<String> {
     let (scene, options) = (&open.scene, &open.options.scene);
     let names: Vec<&str> = scene.views.iter().map(|view| view.name.as_str()).collect();
     let mut hasher =
         Hasher::new("scene").with_json(&without_paths(options)).with_json(&names).with_json(&scene.object_source);
+    hasher = hasher.with_json(&scene.up.direction);
     if let (ScaleChoice::Auto, Some(stated)) = (&options.scale, &scene.scale) {
         hasher = hasher.with_json(stated);
     }
@@ -71,6 +74,7 @@ pub(super) fn gaussians_key(open: &OpenScene) -> Result<String> {
     let Options { views, view_list, scale, .. } = Options::default();
     let options = Options { views, view_list, scale, ..without_paths(&open.options.scene) };
     let mut hasher = Hasher::new("gaussians").with_json(&options).with_json(&open.scene.object_source);
+    hasher = hasher.with_json(&open.scene.up.direction);
     for path in &open.scene.files {
         hasher = hasher.with(&file_digest(path)?);
     }
@@ -83,7 +87,7 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
         name: &view.name,
         // JSON has only Unicode.
         image: view.image.strip_prefix(&open.folder).unwrap_or(&view.image).to_string_lossy(),
-        camera: &view.camera,
+        camera: scene.camera_in_input(&view.camera),
     });
     let mut warnings = scene.warnings.clone();
     let in_photos = scene.scale_in_photos(&options.scale)?.map(|(scale, of_scale)| {
@@ -99,6 +103,7 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     let file = ViewsFile {
         gaussians: scene.gaussians.len(),
         scale: in_photos.as_ref().or(scene.scale.as_ref()),
+        up: &scene.up,
         misfit: misfit.as_deref(),
         views: views.collect(),
     };

@@ -38,10 +38,12 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     let (work, gaussians) = (&open.work, &open.scene.gaussians);
     let (about, answers) = (FoundSubjects::of(open)?, open.get::<Answers>()?);
     let field = elect(open, &about, &voters(&open.views, &about.settled_maps(open, &answers)?), &answers)?;
-    work.write_with(Artifact::Field, |out| ply::write(out, gaussians, &field_ply::columns(&field)))?;
+    // In the frame of the splat that it explains.
+    let as_read = open.scene.gaussians_as_read();
+    work.write_with(Artifact::Field, |out| ply::write(out, as_read, &field_ply::columns(&field)))?;
     work.write_json(Artifact::Labels, &field.labels)?;
     work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &open.library))?;
-    let recolored = field_colors::recolored(gaussians, &field_colors::material_colors(&field));
+    let recolored = field_colors::recolored(as_read, &field_colors::material_colors(&field));
     work.write_with(Artifact::Recolored, |out| ply::write(out, &recolored, &[]))?;
     let mut written = vec![Artifact::Field, Artifact::Labels, Artifact::Materials, Artifact::Recolored];
     let fullest = open.keep(ShowsMost::of(open, &field));
@@ -129,7 +131,7 @@ pub fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<ViewInput
 /// More labels than a vote gives: the work folder may come from anyone, and labels are compared with each other.
 const MOST_LABELS: usize = 20_000;
 
-/// The Gaussians and their material field in the work folder `root`, as the vote stage wrote them.
+/// The Gaussians, in the input's frame, and their material field in the work folder `root`, as the vote stage wrote them.
 ///
 /// # Errors
 /// If there is no field, or gprop did not write it.

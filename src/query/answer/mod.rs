@@ -52,6 +52,14 @@ const FILL_SHARE: Quantity = Quantity {
     unit: 1.0,
     bounds: Range::new(0.01, 1.0),
 };
+/// Lighter fillings than feathers and denser ones than lead shot do not occur.
+const FILLING_DENSITY: Quantity = Quantity {
+    field: "filling_density_kg_m3",
+    name: "density of the filling in kg/m3",
+    what: "a density in kg/m3",
+    unit: 1.0,
+    bounds: Range::new(2.0, 8000.0),
+};
 const SHORE: Range = Range::new(0.0, 100.0);
 /// Lowest similarity (0 to 1) at which a name is taken for a library name.
 const LIKENESS: f64 = 0.5;
@@ -108,15 +116,24 @@ struct Written {
     shore_scale: WrittenScale,
     shore_hardness: Option<Range>,
     friction_rubber: Range,
-    form: WrittenForm,
     several_materials: bool,
+    #[serde(flatten)]
+    make: WrittenMake,
+    bulk_reason: Option<String>,
+    confidence: f64,
+}
+
+/// How a part is made: the fields that answers about a part and about the whole object have in common.
+#[derive(Debug, Deserialize)]
+struct WrittenMake {
+    form: WrittenForm,
     wall_thickness_mm: Option<Range>,
     inside: Option<WrittenInside>,
     filling: Option<String>,
     fill_share: Option<Range>,
+    /// Only in an answer about the whole object.
+    filling_density_kg_m3: Option<Range>,
     bulk_density_kg_m3: Option<Range>,
-    bulk_reason: Option<String>,
-    confidence: f64,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -160,11 +177,7 @@ pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result
     if written.family != material.family {
         flags.push(format!("{} is of the family {}, not {}", material.name, material.family, written.family));
     }
-    let form = form(&written, &mut flags)?;
-    let inside = match form {
-        Form::Shell { .. } => Some(inside(&written, library, &mut flags)?),
-        Form::Solid | Form::Mixed => None,
-    };
+    let (form, inside) = make(&written.make, library, &mut flags)?;
     settle(written, material, family, form, inside, flags)
 }
 
@@ -198,7 +211,21 @@ fn material<'a>(
     }
 }
 
-fn form(written: &Written, flags: &mut Vec<String>) -> Result<Form, Problem> {
+/// The form of a part, and the contents of a shell.
+fn make(
+    written: &WrittenMake,
+    library: &MaterialLibrary,
+    flags: &mut Vec<String>,
+) -> Result<(Form, Option<Inside>), Problem> {
+    let form = form(written, flags)?;
+    let inside = match form {
+        Form::Shell { .. } => Some(inside(written, library, flags)?),
+        Form::Solid | Form::Mixed => None,
+    };
+    Ok((form, inside))
+}
+
+fn form(written: &WrittenMake, flags: &mut Vec<String>) -> Result<Form, Problem> {
     match (written.form, written.wall_thickness_mm) {
         (WrittenForm::Solid, _) => Ok(Form::Solid),
         (WrittenForm::Mixed, _) if written.bulk_density_kg_m3.is_none() => Err(Problem::invalid(
@@ -215,7 +242,7 @@ fn form(written: &Written, flags: &mut Vec<String>) -> Result<Form, Problem> {
 }
 
 /// The contents of a shell; unknown if the answer does not state them.
-fn inside(written: &Written, library: &MaterialLibrary, flags: &mut Vec<String>) -> Result<Inside, Problem> {
+fn inside(written: &WrittenMake, library: &MaterialLibrary, flags: &mut Vec<String>) -> Result<Inside, Problem> {
     match written.inside {
         None | Some(WrittenInside::Unknown) => return Ok(Inside::Unknown),
         Some(WrittenInside::Empty) => return Ok(Inside::Empty),
@@ -226,17 +253,14 @@ fn inside(written: &Written, library: &MaterialLibrary, flags: &mut Vec<String>)
     let filling = library.filling(name).ok_or_else(|| {
         Problem::invalid(format!("the filling {name:?} is not in the list. Copy a name from the list exactly."))
     })?;
-    let said = written.fill_share.ok_or_else(|| lacking("fill_share"))?;
-    Ok(Inside::Filled {
-        filling: filling.name.clone(),
-        share: possible(&FILL_SHARE, said, flags)?,
-        density_kg_m3: None,
-    })
+    let share = possible(&FILL_SHARE, written.fill_share.ok_or_else(|| lacking("fill_share"))?, flags)?;
+    let density = written.filling_density_kg_m3.map(|said| possible(&FILLING_DENSITY, said, flags)).transpose()?;
+    Ok(Inside::Filled { filling: filling.name.clone(), share, density_kg_m3: density })
 }
 
 /// The density of a part. The density of a mixed part is that of the whole, which no material of the library bounds.
 fn density(written: &Written, material: &Material, family: &Family, flags: &mut Vec<String>) -> Result<Range, Problem> {
-    let bulk = matches!(written.form, WrittenForm::Mixed).then_some(written.bulk_density_kg_m3).flatten();
+    let bulk = matches!(written.make.form, WrittenForm::Mixed).then_some(written.make.bulk_density_kg_m3).flatten();
     if let Some(said) = bulk {
         return possible(&BULK_DENSITY, said, flags);
     }

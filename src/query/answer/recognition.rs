@@ -6,11 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{
-    BULK_DENSITY, FILL_SHARE, Problem, Quantity, WALL_THICKNESS, WrittenForm, WrittenInside, in_order, possible,
-};
+use super::{BULK_DENSITY, Problem, Quantity, WrittenMake, in_order, make, possible};
 use crate::materials::{Material, MaterialLibrary, fold};
-use crate::query::{Answer, Failure, Form, Inside};
+use crate::query::{Answer, Failure, Form};
 use crate::units::Range;
 
 const KG_PER_G: f64 = 1e-3;
@@ -23,15 +21,6 @@ const MASS: Quantity = Quantity {
     unit: KG_PER_G,
     bounds: Range::new(1e-6, 1e6),
 };
-/// Lighter fillings than feathers and denser ones than lead shot do not occur.
-const FILLING_DENSITY: Quantity = Quantity {
-    field: "filling_density_kg_m3",
-    name: "density of the filling in kg/m3",
-    what: "a density in kg/m3",
-    unit: 1.0,
-    bounds: Range::new(2.0, 8000.0),
-};
-
 /// What a model says of the object as a whole.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recognition {
@@ -186,13 +175,8 @@ struct WrittenChoice {
     probability: f64,
     family: String,
     material: String,
-    form: WrittenForm,
-    wall_thickness_mm: Option<Range>,
-    inside: Option<WrittenInside>,
-    filling: Option<String>,
-    fill_share: Option<Range>,
-    filling_density_kg_m3: Option<Range>,
-    bulk_density_kg_m3: Option<Range>,
+    #[serde(flatten)]
+    make: WrittenMake,
 }
 
 #[derive(Debug, Deserialize)]
@@ -272,12 +256,8 @@ fn choice(
 ) -> Result<Choice, Problem> {
     let mut flags = Vec::new();
     let material = material(written, library, &mut flags)?;
-    let form = form(written, &mut flags)?;
-    let inside = match form {
-        Form::Shell { .. } => Some(inside(written, library, &mut flags)?),
-        Form::Solid | Form::Mixed => None,
-    };
-    let bulk = written.bulk_density_kg_m3.filter(|_| form == Form::Mixed);
+    let (form, inside) = make(&written.make, library, &mut flags)?;
+    let bulk = written.make.bulk_density_kg_m3.filter(|_| form == Form::Mixed);
     let density_kg_m3 = bulk.map_or(Ok(material.density_kg_m3), |said| possible(&BULK_DENSITY, said, &mut flags))?;
     // The model counts from 1.
     let under: Vec<usize> = written.under.iter().filter_map(|place| place.checked_sub(1)).collect();
@@ -330,37 +310,6 @@ fn material<'a>(
         flags.push(format!("{name:?} is taken for {} (similarity {likeness:.2})", found.name));
     }
     Ok(found)
-}
-
-fn form(written: &WrittenChoice, flags: &mut Vec<String>) -> Result<Form, Problem> {
-    let lacks = |field: &str| Problem::invalid(format!("{field} is null where form needs it; give it."));
-    Ok(match written.form {
-        WrittenForm::Solid => Form::Solid,
-        WrittenForm::Mixed => {
-            written.bulk_density_kg_m3.ok_or_else(|| lacks("bulk_density_kg_m3"))?;
-            Form::Mixed
-        }
-        WrittenForm::Shell => {
-            let said = written.wall_thickness_mm.ok_or_else(|| lacks("wall_thickness_mm"))?;
-            Form::Shell { wall_thickness_m: possible(&WALL_THICKNESS, said, flags)? }
-        }
-    })
-}
-
-fn inside(written: &WrittenChoice, library: &MaterialLibrary, flags: &mut Vec<String>) -> Result<Inside, Problem> {
-    match written.inside {
-        None | Some(WrittenInside::Unknown) => return Ok(Inside::Unknown),
-        Some(WrittenInside::Empty) => return Ok(Inside::Empty),
-        Some(WrittenInside::Filled) => {}
-    }
-    let lacks = |field: &str| Problem::invalid(format!("inside is \"filled\" but {field} is null; give it."));
-    let name = written.filling.as_deref().ok_or_else(|| lacks("filling"))?;
-    let filling = library.filling(name).ok_or_else(|| {
-        Problem::invalid(format!("the filling {name:?} is not in the list. Copy a name from the list exactly."))
-    })?;
-    let share = possible(&FILL_SHARE, written.fill_share.ok_or_else(|| lacks("fill_share"))?, flags)?;
-    let said = written.filling_density_kg_m3.map(|said| possible(&FILLING_DENSITY, said, flags)).transpose()?;
-    Ok(Inside::Filled { filling: filling.name.clone(), share, density_kg_m3: said })
 }
 
 fn printed(written: &Written) -> Option<Printed> {

@@ -33,6 +33,8 @@ use crate::files;
 pub struct Capture {
     pub frames: Vec<Frame>,
     pub applied: Applied,
+    /// Whether z is up in the cameras' world by the convention of the program that wrote the file.
+    pub z_is_up: bool,
     /// Messages about how the file was read.
     pub notes: Vec<String>,
 }

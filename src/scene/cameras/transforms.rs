@@ -4,7 +4,7 @@
 //! The layout is that of the nerfstudio documentation, "Data conventions": `fl_x fl_y cx cy w h` in pixels; `k1 k2 k3 k4 p1 p2`
 //! of its lens model, whose k4 is the coefficient of r^8; or k1 to k4 of OpenCV's fisheye; `camera_angle_x` (horizontal
 //! field of view, radians) if there is no `fl_x`; `mask_path` per frame. `applied_transform` (3x4) and `applied_scale`
-//! are the transform that was applied to the cameras before they were written.
+//! are the transform that was applied to the cameras before they were written. In Blender, z is up.
 
 use std::path::Path;
 
@@ -101,13 +101,18 @@ pub fn parse(bytes: &[u8]) -> Result<Capture, Problem> {
     if !(applied.scale.is_normal() && applied.scale > 0.0) {
         return Err(Problem::Applied);
     }
+    // Blender's exporters give a field of view alone; calibration programs give a focal length.
+    let z_is_up = transforms.lens.camera_angle_x.is_some()
+        && transforms.lens.fl_x.is_none()
+        && transforms.applied_transform.is_none();
     let frames = transforms.frames.into_iter().enumerate().map(|(index, frame)| {
         let in_frame = |problem| Problem::Frame { frame: index, file: frame.file_path.clone(), problem };
         let camera_from_world = pose(&frame.transform_matrix).map_err(in_frame)?;
         let declared = frame.lens.clone().or(&transforms.lens).declared().map_err(in_frame)?;
         Ok(Frame { file: frame.file_path, mask: frame.mask_path, declared, camera_from_world })
     });
-    Ok(Capture { frames: frames.collect::<Result<_, _>>()?, applied, ..Capture::default() })
+    let frames = frames.collect::<Result<_, _>>()?;
+    Ok(Capture { frames, applied, z_is_up, ..Capture::default() })
 }
 
 fn pose(rows: &[Vec<f64>]) -> Result<Isometry3<f64>, FrameProblem> {

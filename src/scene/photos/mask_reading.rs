@@ -25,7 +25,7 @@ use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::render::{Colors, FOREGROUND_ALPHA, RenderOptions, render};
 use crate::scene::error::MasksHideAll;
-use crate::scene::object::cluster;
+use crate::scene::object::cluster::looked_at;
 use crate::scene::{SceneError, View};
 use crate::words::output::agreeing;
 
@@ -194,8 +194,7 @@ fn shown(views: &[View], samples: &[Sample], gaussians: &Gaussians) -> Vec<Optio
     if mean <= MOST_OF_OBJECT {
         return all.into_iter().map(Some).collect();
     }
-    let cameras: Vec<_> = views.iter().map(|view| view.camera.camera_from_world).collect();
-    let Some(kept) = cluster::around_focus(gaussians, &cameras) else { return vec![None; samples.len()] };
+    let Some(kept) = looked_at(gaussians, views) else { return vec![None; samples.len()] };
     let mut object = gaussians.clone();
     object.retain(&kept);
     covered(views, samples, &object).into_iter().map(Some).collect()

@@ -34,7 +34,7 @@ use source::{Bytes, FileBytes};
 
 pub use super::loaded::Loaded;
 pub use ascii::RowProblem;
-pub use write::write;
+pub use write::{write, write_with_comments};
 
 /// A PLY file that cannot be read as a splat. The message is complete: it includes that of the problem.
 #[derive(Debug, Error)]

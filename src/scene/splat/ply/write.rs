@@ -15,10 +15,23 @@ const ROWS_PER_CHUNK: usize = 1024;
 ///
 /// # Errors
 /// `InvalidInput` if an array does not have one value per Gaussian or a name is not a PLY name; any error of `writer`.
-pub fn write(mut writer: impl Write, gaussians: &Gaussians, extra: &[ExtraProperty]) -> io::Result<()> {
+pub fn write(writer: impl Write, gaussians: &Gaussians, extra: &[ExtraProperty]) -> io::Result<()> {
+    write_with_comments(writer, gaussians, extra, &[])
+}
+
+/// As [`write`], with lines of comment in the header.
+///
+/// # Errors
+/// As [`write`].
+pub fn write_with_comments(
+    mut writer: impl Write,
+    gaussians: &Gaussians,
+    extra: &[ExtraProperty],
+    comments: &[String],
+) -> io::Result<()> {
     let columns = columns(gaussians, extra);
     check(&columns, gaussians.len())?;
-    writer.write_all(header(&columns, gaussians).as_bytes())?;
+    writer.write_all(header(&columns, gaussians, comments).as_bytes())?;
     let mut buffer = Vec::new();
     for first in (0..gaussians.len()).step_by(ROWS_PER_CHUNK) {
         buffer.clear();
@@ -88,10 +101,12 @@ fn is_ply_name(name: &str) -> bool {
     name.starts_with(letter) && name.chars().all(|c| letter(c) || c.is_ascii_digit() || c == '-')
 }
 
-fn header(columns: &[Column<'_>], gaussians: &Gaussians) -> String {
+fn header(columns: &[Column<'_>], gaussians: &Gaussians, comments: &[String]) -> String {
     let count = gaussians.len();
-    let comment = if gaussians.antialiased { format!("comment {ANTIALIASED_COMMENT}\n") } else { String::new() };
+    let antialiased = gaussians.antialiased.then_some(ANTIALIASED_COMMENT);
+    let comments = antialiased.into_iter().chain(comments.iter().map(String::as_str));
+    let comments: String = comments.map(|comment| format!("comment {comment}\n")).collect();
     let properties: String =
         columns.iter().flat_map(|c| &c.names).map(|name| format!("property float {name}\n")).collect();
-    format!("ply\nformat binary_little_endian 1.0\n{comment}element vertex {count}\n{properties}end_header\n")
+    format!("ply\nformat binary_little_endian 1.0\n{comments}element vertex {count}\n{properties}end_header\n")
 }

@@ -1,0 +1,183 @@
+//! What the cameras look at, and the support under it (table, bed, floor).
+//!
+//! 1. The focus: the point nearest to all optical axes. A photographer who walks around an object keeps it in the middle.
+//! 2. The ball around the focus in which the object could lie, sized by the cameras' distance. Gaussians larger than any object
+//!    detail are walls.
+//! 3. The support: the plane with most of these Gaussians close to it, almost none beyond it and almost all cameras on one side;
+//!    if the cameras suggest which way is up, no wall can be it. It is then fitted to ever nearer Gaussians: a trained surface is
+//!    thick, but densest where the true one is.
+//!
+//! All lengths are fractions of the cameras' median distance from the focus.
+
+use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+
+use crate::gaussians::Gaussians;
+use crate::numeric::{nearest_to_lines, principal, upper_median};
+use crate::scene::View;
+
+/// Radius of the ball: with the usual field of view of 50 to 60 degrees, an object that fills the picture has a radius
+/// of about half the distance.
+const REACH: f64 = 0.6;
+/// Standard deviation of the largest Gaussian that may show a detail.
+const LARGEST: f64 = 0.03;
+/// Distance from the support within which a Gaussian belongs to it: cloth wrinkles, and trained surfaces are thick.
+pub(super) const THICKNESS: f64 = 0.03;
+/// A support holds at least this share of the ball's Gaussians.
+const LEAST_SHARE: f64 = 0.12;
+/// Share of the Gaussians that may lie beyond the support: some always leak through it.
+const MOST_BEYOND: f64 = 0.05;
+/// Share of the cameras that must stand on one side of it.
+const LEAST_ON_ONE_SIDE: f64 = 0.9;
+/// Least cosine between the support's normal and the cameras' up (45 degrees): nothing stands on a steeper slope.
+const LEAST_COSINE: f64 = 0.7;
+/// Below this opacity a Gaussian is haze.
+const LEAST_OPACITY_LOGIT: f32 = -2.2;
+/// The plane is fitted twice to the Gaussians within each of these shares of the thickness. With them, the normal of a table
+/// whose true one is known is 0.06 degrees off; with the first alone, 0.4 degrees.
+const FITTED: [f64; 3] = [1.0, 0.5, 0.25];
+
+/// The poses of the views' cameras.
+pub(in crate::scene) fn poses(views: &[View]) -> Vec<Isometry3<f64>> {
+    views.iter().map(|view| view.camera.camera_from_world).collect()
+}
+
+/// The point that the cameras look at, and the Gaussians around it.
+pub(in crate::scene) struct Focus {
+    pub point: Point3<f64>,
+    /// The cameras' median distance from the focus.
+    pub unit: f64,
+    /// The indices of the Gaussians in the ball.
+    pub indices: Vec<usize>,
+    /// Their centres.
+    pub points: Vec<Point3<f64>>,
+    /// The cameras' centres.
+    cameras: Vec<Point3<f64>>,
+}
+
+impl Focus {
+    /// `None` if the cameras do not look at a common point.
+    pub fn of(gaussians: &Gaussians, cameras: &[Isometry3<f64>]) -> Option<Self> {
+        let world_from_camera: Vec<_> = cameras.iter().map(Isometry3::inverse).collect();
+        let centers: Vec<Point3<f64>> = world_from_camera.iter().map(|pose| pose.translation.vector.into()).collect();
+        let axes: Vec<Vector3<f64>> = world_from_camera.iter().map(|pose| pose.rotation * Vector3::z()).collect();
+        let focus = nearest_to_lines(&centers, &axes).filter(|focus| is_before_most(focus, &centers, &axes))?;
+        let unit =
+            upper_median(centers.iter().map(|center| (center - focus).norm()).collect()).filter(|unit| *unit > 0.0)?;
+        let in_ball = |i: &usize| {
+            gaussians.opacity_logits[*i] >= LEAST_OPACITY_LOGIT
+                && (gaussians.center(*i) - focus).norm() < REACH * unit
+                && gaussians.scale(*i).max() < LARGEST * unit
+        };
+        let indices: Vec<usize> = (0..gaussians.len()).filter(in_ball).collect();
+        let points = indices.iter().map(|i| gaussians.center(*i)).collect();
+        Some(Self { point: focus, unit, indices, points, cameras: centers })
+    }
+
+    /// The support, if there is one; `up` is what the cameras suggest.
+    pub fn support(&self, up: Option<&Vector3<f64>>) -> Option<Plane> {
+        self.sampled_support(up).map(|plane| self.fitted(plane))
+    }
+
+    /// RANSAC (Fischler and Bolles 1981) with a fixed sequence of samples.
+    fn sampled_support(&self, up: Option<&Vector3<f64>>) -> Option<Plane> {
+        const TRIALS: usize = 500;
+        /// Enough to estimate shares to within a percent or two.
+        const SAMPLES: usize = 1500;
+        let thickness = THICKNESS * self.unit;
+        let samples: Vec<&Point3<f64>> = self.points.iter().step_by((self.points.len() / SAMPLES).max(1)).collect();
+        if samples.len() < 3 {
+            return None;
+        }
+        let is_level = |plane: &Plane| up.is_none_or(|up| plane.normal.dot(up) >= LEAST_COSINE);
+        let mut random = Sequence(0x9e37_79b9_7f4a_7c15);
+        let mut best: Option<(usize, Plane)> = None;
+        for _ in 0..TRIALS {
+            let three = [(); 3].map(|()| samples[random.below(samples.len())]);
+            let facing = Plane::through(three).and_then(|plane| plane.facing(&self.cameras));
+            let Some(plane) = facing.filter(is_level) else { continue };
+            let heights = samples.iter().map(|point| plane.height(point));
+            let beyond = heights.clone().filter(|height| *height < -thickness).count();
+            let close = heights.filter(|height| height.abs() < thickness).count();
+            let is_border = beyond as f64 <= MOST_BEYOND * samples.len() as f64;
+            if is_border && best.as_ref().is_none_or(|(most, _)| close > *most) {
+                best = Some((close, plane));
+            }
+        }
+        best.filter(|(close, _)| *close as f64 >= LEAST_SHARE * samples.len() as f64).map(|(_, plane)| plane)
+    }
+
+    /// The plane with the least mean square distance from the Gaussians close to it.
+    fn fitted(&self, start: Plane) -> Plane {
+        FITTED.iter().flat_map(|share| [share; 2]).fold(start, |plane, share| {
+            let close = |point: &&Point3<f64>| plane.height(point).abs() < share * THICKNESS * self.unit;
+            let near: Vec<&Point3<f64>> = self.points.iter().filter(close).collect();
+            let middle = near.iter().map(|point| point.coords).sum::<Vector3<f64>>() / near.len().max(1) as f64;
+            let products = near.iter().map(|point| (point.coords - middle) * (point.coords - middle).transpose());
+            let normal = principal(&products.sum::<Matrix3<f64>>()).map(|axes| {
+                let across = axes.eigenvalues.imin();
+                axes.eigenvectors.column(across).into_owned()
+            });
+            match normal.filter(|_| near.len() >= 3) {
+                Some(normal) => {
+                    let normal = normal * normal.dot(&plane.normal).signum();
+                    Plane { normal, offset: normal.dot(&middle) }
+                }
+                None => plane,
+            }
+        })
+    }
+}
+
+/// Whether more than half of the cameras look towards a point. The axes of cameras that look outwards, from the middle of a
+/// room, meet behind them.
+fn is_before_most(point: &Point3<f64>, centers: &[Point3<f64>], axes: &[Vector3<f64>]) -> bool {
+    let before = centers.iter().zip(axes).filter(|(center, axis)| axis.dot(&(point - *center)) > 0.0).count();
+    2 * before > centers.len()
+}
+
+/// The points x with normal . x = offset; the cameras are on the side where normal . x is larger.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Plane {
+    /// A unit vector.
+    pub normal: Vector3<f64>,
+    pub offset: f64,
+}
+
+impl Plane {
+    fn through(points: [&Point3<f64>; 3]) -> Option<Self> {
+        let normal = (points[1] - points[0]).cross(&(points[2] - points[0])).try_normalize(1e-12)?;
+        Some(Self { normal, offset: normal.dot(&points[0].coords) })
+    }
+
+    /// How far a point lies on the cameras' side, negative beyond the plane.
+    pub fn height(&self, point: &Point3<f64>) -> f64 {
+        self.normal.dot(&point.coords) - self.offset
+    }
+
+    /// The same plane in a frame that is turned about the origin.
+    pub(in crate::scene) fn turned(self, turn: &UnitQuaternion<f64>) -> Self {
+        Self { normal: turn * self.normal, ..self }
+    }
+
+    fn facing(self, cameras: &[Point3<f64>]) -> Option<Self> {
+        let before = cameras.iter().filter(|camera| self.height(camera) > 0.0).count();
+        let enough = LEAST_ON_ONE_SIDE * cameras.len() as f64;
+        if before as f64 >= enough {
+            Some(self)
+        } else if (cameras.len() - before) as f64 >= enough {
+            Some(Self { normal: -self.normal, offset: -self.offset })
+        } else {
+            None
+        }
+    }
+}
+
+/// A linear congruential generator (Knuth's MMIX), so that the samples are the same in every run.
+struct Sequence(u64);
+
+impl Sequence {
+    fn below(&mut self, end: usize) -> usize {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 33) as usize % end
+    }
+}
