@@ -72,9 +72,12 @@ fn bench(c: &mut Criterion) {
     let scene = scene::load(&folder, &options).expect("the fixture is a scene");
     let chosen = scene.chosen_views(&options).expect("the fixture has views");
     let segments: Vec<ViewSegments> = chosen.iter().map(|view| segments(&folder, view)).collect();
-    let views: Vec<SegmentedView> =
-        chosen.iter().zip(&segments).map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();
-    let found = |cloud: &Gaussians| -> Parts { find(cloud, &views, Progress::Hidden) };
+    let found = |cloud: &Gaussians| -> Parts {
+        let views = chosen.iter().zip(&segments);
+        let views: Vec<SegmentedView> =
+            views.map(|(view, segments)| SegmentedView { camera: &view.camera, cloud, segments }).collect();
+        find(cloud, &views, Progress::Hidden)
+    };
     let mut group = c.benchmark_group("parts from ten views");
     group.sample_size(10);
     let mut of = |cloud: &Gaussians, name: &str| {

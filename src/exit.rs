@@ -15,6 +15,7 @@ use crate::grasp::GraspError;
 use crate::inspect::{InspectError, NotAligned, UpInDoubt};
 use crate::links::LinksError;
 use crate::materials::LibraryError;
+use crate::objects::SomeFailed;
 use crate::parts::PartsError;
 use crate::query::ask::cost::PriceError;
 use crate::query::client::ClientError;
@@ -98,6 +99,7 @@ kinds! {
     Scene: NotAligned, UpInDoubt, ImportError, PlyError;
     Model: SetupError;
     Answer: RecordingError;
+    Batch: SomeFailed;
     Cancelled: Cancelled;
     // What gprop itself made and could not write or read.
     Bug: std::io::Error, std::string::FromUtf8Error, serde_json::Error, toml::ser::Error, image::ImageError,
@@ -126,7 +128,9 @@ impl Kinded for LinksError {
 impl Kinded for SceneError {
     fn kind(&self) -> ErrorKind {
         match self {
-            Self::UnknownView { .. } | Self::Option(_) => ErrorKind::Usage,
+            Self::UnknownView { .. } | Self::NoSuchObject { .. } | Self::AllObjects | Self::Option(_) => {
+                ErrorKind::Usage
+            }
             _ => ErrorKind::Scene,
         }
     }

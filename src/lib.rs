@@ -118,6 +118,8 @@ pub mod materials;
 pub mod mpm;
 #[doc(hidden)]
 pub mod numeric;
+#[doc(hidden)]
+pub mod objects;
 pub mod options;
 #[doc(hidden)]
 pub mod parts;

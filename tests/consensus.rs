@@ -92,7 +92,7 @@ fn plate_in_every_other_view(gaussians: &Gaussians, cameras: &[Camera], labels: 
 
 fn found(gaussians: &Gaussians, cameras: &[Camera], segments: &[ViewSegments]) -> Parts {
     let views = cameras.iter().zip(segments);
-    let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, segments }).collect();
+    let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, cloud: gaussians, segments }).collect();
     find(gaussians, &views, Progress::Hidden)
 }
 
@@ -322,8 +322,8 @@ fn shown(
 ) -> (Parts, Vec<PartMasks>, Vec<Vec<PartView>>) {
     let parts = found(gaussians, cameras, segmented);
     let views = cameras.iter().zip(segmented);
-    let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, segments }).collect();
-    let masks: Vec<_> = views.iter().map(|view| part_masks(gaussians, &parts, view)).collect();
+    let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, cloud: gaussians, segments }).collect();
+    let masks: Vec<_> = views.iter().map(|view| part_masks(&parts, view)).collect();
     let sharp = vec![vec![1.0; 192 * 144]; cameras.len()];
     let best = best_views(gaussians, &parts, &cameras.iter().collect::<Vec<_>>(), &masks, &sharp);
     (parts, masks, best)
@@ -375,7 +375,7 @@ fn pixels_that_show_a_part_do_not_depend_on_its_pieces() {
     };
     let smaller = map.iter().enumerate().map(|(n, &id)| if id == 2 && !inside(n) { 1 } else { id }).collect();
     let segments = flat(camera, smaller);
-    let view = SegmentedView { camera, segments: &segments };
+    let view = SegmentedView { camera, cloud: &gaussians, segments: &segments };
     let part = |id, piece_of| Part { id, piece_of, gaussians: 1, light: 1.0, separation: 1.0 };
     let with = |ids: Vec<u32>, parts: Vec<Part>| Parts {
         id_of_gaussian: ids.into_iter().map(|id| id as u16).collect(),
@@ -386,8 +386,8 @@ fn pixels_that_show_a_part_do_not_depend_on_its_pieces() {
     // The halves of the board are pieces 3 and 4 of part 1.
     let cut = halves(&gaussians, &labels, false).iter().map(|&id| [0, 4, 2, 3][id as usize]).collect();
     let cut = with(cut, vec![part(1, None), part(2, None), part(3, Some(1)), part(4, Some(1))]);
-    let of_whole = part_masks(&gaussians, &whole, &view).map.labels;
-    let of_cut = part_masks(&gaussians, &cut, &view).map.labels;
+    let of_whole = part_masks(&whole, &view).map.labels;
+    let of_cut = part_masks(&cut, &view).map.labels;
     assert!(of_whole != map, "the fringe moves");
     let parts_of_cut: Vec<u16> = of_cut.iter().map(|&id| if id == 0 { 0 } else { cut.part_of(id) }).collect();
     assert!(parts_of_cut == of_whole);

@@ -12,7 +12,7 @@ use crate::evaluate::vocabulary::Vocabulary;
 use crate::pictures::figure::Shown;
 use crate::pipeline::{self, FieldFlags, Stage};
 use crate::scene::SizedMarker;
-use crate::{audit, batch, export, inspect, materials, setup};
+use crate::{audit, batch, export, inspect, materials, objects, scene, setup};
 
 /// More than the cores of any machine on which gprop was run. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
@@ -95,6 +95,8 @@ pub enum Command {
         after_help = "Unless --views or --view-list is given, up to 60 views are compared, spread over all directions."
     )]
     Inspect(inspect::Args),
+    /// List the objects that stand on the table of a capture, with a photo that shows their numbers.
+    Objects(objects::Args),
     /// Check what URDF, MJCF, USD and glTF claim of masses, inertias, centres of mass, frictions and colliders; no model is asked.
     Audit(audit::Args),
     /// Run all scenes of a data set, each in its own process; scenes that are done are not run again.
@@ -516,6 +518,14 @@ pub enum Evaluate {
     Parts {
         #[command(flatten)]
         asked: TrueParts,
+    },
+    /// Tell the objects of captures apart, and compare their masks, boxes and which way is up with the truth.
+    Objects {
+        /// Scene folders with SCENE/ground_truth/objects.json and SCENE/ground_truth/object_maps/VIEW.png.
+        #[arg(required = true)]
+        scenes: Vec<PathBuf>,
+        #[command(flatten)]
+        scene: Box<scene::Options>,
     },
     /// Measure how the IoU of labels falls when half of the segments are merged with a neighbour, a tenth of the answers
     /// are wrong, or fewer views vote; scenes need true part maps, which also give the answers.

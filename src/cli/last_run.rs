@@ -18,10 +18,10 @@ use std::path::{Path, PathBuf};
 use clap::ArgMatches;
 
 use crate::config::{self, ConfigError, Flag, Owner};
-use crate::pipeline::{self, FieldFlags, Options, Plan, Stage, work_folder};
-use crate::scene;
+use crate::pipeline::{self, FieldFlags, Options, Plan, Stage, work_folder_of};
+use crate::scene::{self, ObjectChoice, ObjectNumber};
 use crate::words::output::one_line;
-use crate::workdir::{self, Artifact};
+use crate::workdir::Artifact;
 
 use super::Global;
 
@@ -66,10 +66,13 @@ pub fn flags(
 ) -> Result<Vec<OsString>, ConfigError> {
     let Some((to, option)) = going_on(command.get_name()) else { return Ok(Vec::new()) };
     let named = matches.try_get_one::<PathBuf>(option).ok().flatten();
-    let (home, root) = (scene::home(scene), work_folder(scene, named.map(PathBuf::as_path)));
-    if named.is_none() && workdir::refuse_link(&root, "--out").is_err() {
-        return Ok(Vec::new());
-    }
+    let object = match matches.try_get_one::<ObjectChoice>("object").ok().flatten().copied().unwrap_or_default() {
+        // All objects of a capture are run with the same options.
+        ObjectChoice::All => ObjectNumber::first(1).next().map_or(ObjectChoice::All, ObjectChoice::One),
+        chosen => chosen,
+    };
+    let home = scene::home(scene);
+    let Ok(root) = work_folder_of(scene, named.map(PathBuf::as_path), object) else { return Ok(Vec::new()) };
     let owner = if named.is_some() { Owner::User } else { Owner::Scene };
     let path = root.join(Artifact::Run.path());
     let typed = super::stage_flags(matches);

@@ -10,6 +10,7 @@ mod help;
 mod last_run;
 mod log;
 mod manual;
+mod objects;
 mod picture;
 mod query;
 mod scene;
@@ -29,6 +30,7 @@ use serde::Serialize;
 use crate::error::{Error, Result, UsageError};
 use crate::links::is_container;
 use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
+use crate::scene::ObjectChoice;
 use crate::scene::mesh::is_mesh;
 use crate::words::output;
 use crate::words::progress::Progress;
@@ -75,8 +77,10 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
             if is_container(&args.scene.scene) {
                 return container::run(global, args);
             }
-            let run = if args.no_simulate { scene::run_without_simulation } else { scene::run };
-            run(global, &args.scene.scene, &args.scene.work, args.to)
+            let run = objects::Run { to: args.to, simulates: !args.no_simulate };
+            // A scene of a batch is one object.
+            let run_scene = if args.end_with_stdin { objects::run_one } else { objects::run };
+            run_scene(global, &args.scene.scene, &args.scene.work, run)
         }
         Command::Report(args) => view::report(global, args),
         Command::View(args) => view::view(global, args),
@@ -91,6 +95,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Command::Grasp(GraspArgs { scene: Some(folder), work, .. }) => scene::run(global, folder, work, Stage::Grasp),
         Command::Grasp(_) => unreachable!("clap asks for a scene if there is no subcommand"),
         Command::Export(args) if is_container(&args.scene) => container::export(global, args),
+        Command::Export(args) if args.options.scene.object == ObjectChoice::All => objects::export_all(global, args),
         Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => {
             let only_chosen = global.flags.typed.iter().any(|flag| config::name_of(flag) == "views");
@@ -99,6 +104,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
             inspection.require_aligned()?;
             Ok(inspection.require_up()?)
         }
+        Command::Objects(args) => objects::list(global, args),
         Command::Audit(args) => {
             let report = audit::audit(args)?;
             print(global, &report, || report.text())?;

@@ -14,6 +14,7 @@ use crate::pipeline::stages::query::{direct_session, session};
 use crate::pipeline::stages::subjects::FoundSubjects;
 use crate::query::exchange::{BadLine, Imported};
 use crate::query::{DirectGuess, QueryError, WholeOutcome};
+use crate::scene::ObjectChoice;
 use crate::words::output::one_line;
 use crate::words::readable::significant;
 use crate::words::shell;
@@ -46,6 +47,11 @@ pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
     }
     if args.mask.is_some() {
         return Err(UsageError("--mask is for a single picture; a scene's masks are given with --masks".into()).into());
+    }
+    if args.prune && args.scene.work.options.scene.object != ObjectChoice::Auto {
+        let problem =
+            "--prune would delete the recordings of the other objects, which are in the same folder; leave it out";
+        return Err(UsageError(problem.to_owned()).into());
     }
     if args.direct {
         return directly(global, args);

@@ -1,6 +1,6 @@
 //! The commands that work on a scene.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
 use serde::Serialize;
@@ -18,6 +18,16 @@ use crate::report;
 use crate::workdir::Artifact;
 
 use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_path, print_text, shown};
+
+/// What a run would do.
+#[derive(Serialize)]
+pub struct DryRun {
+    stages: Vec<DryStage>,
+    /// `None` if nothing would be asked, or it is not known yet.
+    queries: Option<Preview>,
+    #[serde(skip)]
+    to: Stage,
+}
 
 /// A stage in the output of a dry run.
 #[derive(Serialize)]
@@ -46,20 +56,11 @@ pub fn check_without_simulation(to: Stage) -> Result<(), UsageError> {
 }
 
 fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> Result<()> {
-    if work.dry_run && is_untouched(folder, work.out.as_deref(), &work.options)? {
-        let stages: Vec<Stage> =
-            plan(work, to)?.stages().filter(|stage| simulates || *stage != Stage::Simulate).collect();
-        return dry_run(global, to, &stages, &[], None);
+    if work.dry_run {
+        let dry = dry_run(global, folder, work, to, simulates)?;
+        return print(global, &dry, || dry.text());
     }
     let mut pipeline = open(global, folder, work, to, simulates)?;
-    if work.dry_run {
-        let reusable = pipeline.planned().reusable(pipeline.opened())?;
-        // The questions are known only once the parts are.
-        let asked = to >= Stage::Query && reusable.contains(&Stage::Consensus) && !reusable.contains(&Stage::Query);
-        let queries = if asked { Some(stages::query::preview(pipeline.opened())?) } else { None };
-        let stages: Vec<Stage> = pipeline.planned().stages().collect();
-        return dry_run(global, to, &stages, &reusable, queries.as_ref());
-    }
     pipeline.run()?;
     if global.quiet && !global.json {
         return Ok(());
@@ -119,24 +120,51 @@ pub fn show(global: &Global, args: &ShowArgs) -> Result<()> {
 
 /// Exports the parts, after running the stages up to them.
 pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
-    let formats = match args.format.as_slice() {
-        [] if args.scene.is_file() => &[Format::Asset],
-        given => given,
-    };
-    if formats.is_empty() {
-        let formats: Vec<String> = Format::value_variants()
-            .iter()
-            .filter(|format| !format.needs_mesh())
-            .filter_map(Format::to_possible_value)
-            .map(|f| f.get_name().to_owned())
-            .collect();
-        return Err(UsageError(format!("--format is missing: name one or more of {}", formats.join(", "))).into());
+    print_files(global, &export_one(global, args, &args.options)?.files)
+}
+
+/// The formats to write: the asset itself for a mesh, if none is named.
+///
+/// # Errors
+/// If none is named for a scene.
+pub fn formats(args: &ExportArgs) -> Result<&[Format], UsageError> {
+    match args.format.as_slice() {
+        [] if args.scene.is_file() => return Ok(&[Format::Asset]),
+        [] => {}
+        given => return Ok(given),
     }
+    let formats: Vec<String> = Format::value_variants()
+        .iter()
+        .filter(|format| !format.needs_mesh())
+        .filter_map(Format::to_possible_value)
+        .map(|f| f.get_name().to_owned())
+        .collect();
+    Err(UsageError(format!("--format is missing: name one or more of {}", formats.join(", "))))
+}
+
+/// An object that was exported.
+pub struct Exported {
+    /// The name of the scene, by which its files are called.
+    pub name: String,
+    pub files: Vec<PathBuf>,
+    /// `None` if the scale is unknown.
+    pub meters_per_unit: Option<f64>,
+}
+
+/// Exports one object with these options.
+pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Result<Exported> {
+    let formats = formats(args)?;
     let plan = Plan { to: Stage::Parts, from: None };
-    let work = args.work.as_deref();
-    let mut pipeline = open_with(global, &args.scene, work, &args.options, plan, true)?;
+    let mut pipeline = open_with(global, &args.scene, args.work.as_deref(), options, plan, true)?;
     pipeline.run()?;
     let files = export::export(&mut pipeline, formats, args.colliders, &args.out)?;
+    let open = pipeline.opened();
+    let scale = stages::parts::scale(open)?;
+    Ok(Exported { name: open.scene.name.clone(), files, meters_per_unit: scale.map(|scale| scale.meters_per_unit) })
+}
+
+/// Prints the paths of files that were written.
+pub fn print_files(global: &Global, files: &[PathBuf]) -> Result<()> {
     let paths: Vec<_> = files.iter().map(|file| config::in_json(file)).collect();
     print(global, &paths, || files.iter().map(|file| shown(file) + "\n").collect())
 }
@@ -182,25 +210,43 @@ pub fn check_from(from: Option<Stage>, to: Stage) -> Result<(), UsageError> {
     }
 }
 
-fn dry_run(global: &Global, to: Stage, stages: &[Stage], reusable: &[Stage], queries: Option<&Preview>) -> Result<()> {
-    let stages: Vec<DryStage> =
-        stages.iter().map(|&name| DryStage { name, reusable: reusable.contains(&name) }).collect();
-    print(global, &serde_json::json!({ "stages": stages, "queries": queries }), || {
+/// Looks up what a run would do.
+pub fn dry_run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> Result<DryRun> {
+    let listed = |stages: &[Stage], reusable: &[Stage]| {
+        stages.iter().map(|&name| DryStage { name, reusable: reusable.contains(&name) }).collect()
+    };
+    if is_untouched(folder, work.out.as_deref(), &work.options)? {
+        let stages: Vec<Stage> =
+            plan(work, to)?.stages().filter(|stage| simulates || *stage != Stage::Simulate).collect();
+        return Ok(DryRun { stages: listed(&stages, &[]), queries: None, to });
+    }
+    let pipeline = open(global, folder, work, to, simulates)?;
+    let reusable = pipeline.planned().reusable(pipeline.opened())?;
+    // The questions are known only once the parts are.
+    let asked = to >= Stage::Query && reusable.contains(&Stage::Consensus) && !reusable.contains(&Stage::Query);
+    let queries = if asked { Some(stages::query::preview(pipeline.opened())?) } else { None };
+    let stages: Vec<Stage> = pipeline.planned().stages().collect();
+    Ok(DryRun { stages: listed(&stages, &reusable), queries, to })
+}
+
+impl DryRun {
+    pub fn text(&self) -> String {
         let mut text = String::new();
-        for stage in &stages {
+        for stage in &self.stages {
             let state = if stage.reusable { "done" } else { "to do" };
             text += &format!("{:<9} {state}\n", stage.name.name());
         }
-        match queries {
+        let has_parts = self.stages.iter().any(|stage| stage.name == Stage::Consensus && stage.reusable);
+        match &self.queries {
             Some(plan) => text += &format!("questions: {plan}\n"),
-            None if to >= Stage::Query && !reusable.contains(&Stage::Consensus) => {
+            None if self.to >= Stage::Query && !has_parts => {
                 text += "questions: unknown until the parts are found; `gprop run SCENE --to consensus` finds them and \
                          sends nothing\n";
             }
             None => {}
         }
         text
-    })
+    }
 }
 
 /// An artifact as one JSON value; for the field, the labels that its numbers stand for; null for the parts if the model

@@ -5,11 +5,12 @@ use std::process::{Command, Stdio};
 
 use crate::batch;
 use crate::error::{Result, UsageError};
-use crate::pipeline::{Stage, work_folder};
+use crate::pipeline::{Stage, work_folder, work_folder_of};
 use crate::words::shell;
 use crate::workdir::{self, Artifact};
 
-use super::{Global, ReportArgs, ViewArgs, print_path, scene};
+use super::objects::{self, Run};
+use super::{Global, ReportArgs, ViewArgs, print_path};
 
 /// The program that opens a file with the user's default application for its type.
 const OPENER: &str = if cfg!(target_os = "macos") { "open" } else { "xdg-open" };
@@ -17,10 +18,11 @@ const OPENER: &str = if cfg!(target_os = "macos") { "open" } else { "xdg-open" }
 /// `gprop report`: every stage, then the report in the browser if the user wants it there.
 pub fn report(global: &Global, args: &ReportArgs) -> Result<()> {
     let (folder, work) = (&args.scene.scene, &args.scene.work);
-    let run = if args.no_simulate { scene::run_without_simulation } else { scene::run };
-    run(global, folder, work, Stage::Report)?;
+    objects::run(global, folder, work, Run { to: Stage::Report, simulates: !args.no_simulate })?;
     if args.open && !work.dry_run {
-        open(&work_folder(folder, work.out.as_deref()).join(Artifact::ReportHtml.path()));
+        let root = work_folder_of(folder, work.out.as_deref(), work.options.scene.object)?;
+        let pages = [Artifact::ReportHtml, Artifact::ObjectsPage].map(|page| root.join(page.path()));
+        pages.iter().find(|page| page.is_file()).into_iter().for_each(|page| open(page));
     }
     Ok(())
 }
@@ -36,10 +38,11 @@ pub fn view(global: &Global, args: &ViewArgs) -> Result<()> {
 
 /// The page in a scene, a work folder, a folder of scenes or the folder that a batch was given by `--out`.
 fn page_of(folder: &Path) -> Result<PathBuf, UsageError> {
-    let report = Artifact::ReportHtml.path();
-    let places =
-        [work_folder(folder, None).join(&report), folder.join(&report), batch::page(folder), batch::page_in(folder)];
-    let found = places.into_iter().find(|page| page.is_file());
+    let of_work = [Artifact::ReportHtml, Artifact::ObjectsPage].map(|page| page.path());
+    let roots = [work_folder(folder, None), folder.to_owned()];
+    let in_work = roots.iter().flat_map(|root| of_work.iter().map(move |page| root.join(page)));
+    let mut places = in_work.chain([batch::page(folder), batch::page_in(folder)]);
+    let found = places.find(|page| page.is_file());
     found.ok_or_else(|| {
         UsageError(format!(
             "{folder:?} has no report yet; make one with `gprop report {0} --open` (for a data set with \

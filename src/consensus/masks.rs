@@ -3,8 +3,6 @@
 use std::collections::BTreeMap;
 
 use super::{Parts, SegmentedView};
-use crate::camera::Camera;
-use crate::gaussians::Gaussians;
 use crate::render::{RenderOptions, render_labels};
 use crate::segment::LabelMap;
 
@@ -30,8 +28,8 @@ pub struct PartMasks {
 /// Draws the parts by the Gaussians' contributions and moves their borders to those of the view's segments.
 ///
 /// Which pixels show a part does not depend on its pieces.
-pub fn part_masks(gaussians: &Gaussians, parts: &Parts, view: &SegmentedView) -> PartMasks {
-    let drawn = drawn(gaussians, parts, view.camera);
+pub fn part_masks(parts: &Parts, view: &SegmentedView) -> PartMasks {
+    let drawn = drawn(parts, view);
     let agreement = agreement(parts, view, &shared_pixels(&drawn, view));
     let part_of = |&id: &u16| if id == 0 { 0 } else { parts.part_of(id) };
     let whole = LabelMap { labels: drawn.labels.iter().map(part_of).collect(), ..drawn };
@@ -80,9 +78,12 @@ impl PartMasks {
     }
 }
 
-fn drawn(gaussians: &Gaussians, parts: &Parts, camera: &Camera) -> LabelMap {
-    let ids: Vec<u32> = parts.id_of_gaussian.iter().map(|&id| u32::from(id)).collect();
-    let pixels = render_labels(gaussians, camera, &ids, &RenderOptions::default());
+fn drawn(parts: &Parts, view: &SegmentedView) -> LabelMap {
+    let camera = view.camera;
+    let mut ids: Vec<u32> = parts.id_of_gaussian.iter().map(|&id| u32::from(id)).collect();
+    // No part for the surroundings.
+    ids.resize(view.cloud.len(), 0);
+    let pixels = render_labels(view.cloud, camera, &ids, &RenderOptions::default());
     let labels = pixels.into_iter().map(|id| id.map_or(0, |id| id as u16)).collect();
     LabelMap { width: camera.intrinsics.width, height: camera.intrinsics.height, labels }
 }

@@ -1,7 +1,6 @@
 //! The light of every Gaussian in each segment of one view.
 
 use super::SegmentedView;
-use crate::gaussians::Gaussians;
 use crate::render::{Projected, RenderOptions, contributions};
 
 /// A view sees a Gaussian that has more light than this in it, in pixels. It counts for a pair if it sees both.
@@ -24,12 +23,14 @@ pub(super) struct Membership {
 }
 
 impl Membership {
-    pub fn new(gaussians: &Gaussians, view: &SegmentedView) -> Self {
-        let projected = Projected::new(gaussians, view.camera, &RenderOptions::default());
-        let found = contributions(gaussians.len(), projected, &view.segments.map.labels, Some);
-        let mut starts = vec![0; gaussians.len() + 1];
+    /// That of the first `count` Gaussians of the view's cloud, which are the object's.
+    pub fn new(count: usize, view: &SegmentedView) -> Self {
+        let projected = Projected::new(view.cloud, view.camera, &RenderOptions::default());
+        let mut found = contributions(view.cloud.len(), projected, &view.segments.map.labels, Some);
+        found.truncate(found.partition_point(|(gaussian, ..)| (*gaussian as usize) < count));
+        let mut starts = vec![0; count + 1];
         found.iter().for_each(|(gaussian, ..)| starts[*gaussian as usize + 1] += 1);
-        for i in 0..gaussians.len() {
+        for i in 0..count {
             starts[i + 1] += starts[i];
         }
         Self { starts, shares: found.into_iter().map(|(_, segment, light)| Share { segment, light }).collect() }

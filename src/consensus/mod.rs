@@ -13,6 +13,8 @@
 //!    of several materials;
 //! 5. [`masks`]: the parts in each view, and [`mod@best_views`]: the views that show each part best.
 //!
+//! What surroundings hide in a view is not seen there: it is no evidence, and the view's masks leave it out.
+//!
 //! Crumbs join the neighbour from which views separate them least. Gaussians that are then in no part, because no view
 //! sees them or they touch nothing, join the nearest part. If there are only crumbs, they are one part.
 
@@ -88,6 +90,8 @@ const LEAST_LIGHT: f32 = 1.0;
 #[derive(Debug, Clone, Copy)]
 pub struct SegmentedView<'a> {
     pub camera: &'a Camera,
+    /// All that the view shows: the object's Gaussians first, then those of its surroundings, which may hide some of it.
+    pub cloud: &'a Gaussians,
     /// Of the same size as the camera's picture.
     pub segments: &'a ViewSegments,
 }
@@ -146,7 +150,7 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let mut regions = Vec::with_capacity(views.len());
     for view in views {
         let eye = view.camera.center_in_world();
-        let membership = Membership::new(gaussians, view);
+        let membership = Membership::new(gaussians.len(), view);
         for (i, seen) in membership.light().enumerate().filter(|(_, seen)| *seen > 0.0) {
             light[i] += seen;
             let toward = (eye - gaussians.center(i)).try_normalize(0.0).unwrap_or_default();
@@ -163,7 +167,7 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
     let mut evidence = Evidence::new(&pairs);
     for (view, regions) in views.iter().zip(&regions) {
         // Computed a second time, to save the memory that those of all views would take.
-        evidence.add(&pairs, &Membership::new(gaussians, view), view.segments, regions);
+        evidence.add(&pairs, &Membership::new(gaussians.len(), view), view.segments, regions);
         bar.inc(1);
     }
     bar.finish_and_clear();

@@ -7,6 +7,7 @@ pub mod hardness;
 pub mod label_maps;
 pub mod masks;
 pub mod mass;
+pub mod objects;
 pub mod parts;
 pub mod prompts;
 pub mod robustness;

@@ -111,6 +111,31 @@ fn scene(rigid: &Rigid) -> String {
     )
 }
 
+/// Objects on the surface on which they stand, which is static; each is in a file of its own beside this one.
+pub(super) fn table(name: &str, bodies: &[String], height_m: f64) -> String {
+    let include = |body: &String| format!("  <include file=\"{body}.xml\"/>\n");
+    format!(
+        r#"<mujoco model="{name}">
+{includes}  <visual>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
+    <rgba haze="0.85 0.88 0.92 1"/>
+    <global azimuth="125" elevation="-25" offwidth="1280" offheight="960"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="0.9 0.93 0.96" rgb2="0.6 0.65 0.7" width="256" height="1536"/>
+    <texture name="support" type="2d" builtin="checker" rgb1="0.8 0.8 0.8" rgb2="0.72 0.72 0.72" width="256" height="256"/>
+    <material name="support" texture="support" texuniform="true" texrepeat="10 10" reflectance="0.05"/>
+  </asset>
+  <worldbody>
+    <light pos="0 0 3" dir="-0.3 0.3 -0.9" directional="true" diffuse="0.5 0.5 0.5" castshadow="true"/>
+    <geom name="support" type="plane" size="0 0 0.05" pos="0 0 {height_m}" material="support"/>
+  </worldbody>
+</mujoco>
+"#,
+        includes = bodies.iter().map(include).collect::<String>(),
+    )
+}
+
 /// The time constant of a soft part's contacts, critically damped; `None` if MuJoCo's default is no stiffer than the
 /// part.
 ///

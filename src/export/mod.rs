@@ -202,6 +202,30 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
     Ok(files.written)
 }
 
+/// Several objects that were exported into one folder as MJCF, on the surface on which they stand.
+#[derive(Debug, Clone, Copy)]
+pub struct Table<'a> {
+    /// Of the capture.
+    pub name: &'a str,
+    /// The [names](Model::name) of the objects.
+    pub objects: &'a [String],
+    /// Height of the surface in the world's frame, m, if the objects were not turned; those that were stand on 0.
+    pub height_m: f64,
+}
+
+/// Writes `scene.xml` into `folder`, in place of that of a single object: every object free, at its place, and the surface as a
+/// static plane. Returns its path.
+///
+/// # Errors
+/// If it cannot be written.
+pub fn compose_mjcf(table: &Table, folder: &Path) -> Result<PathBuf, ExportError> {
+    let bodies: Vec<String> = table.objects.iter().map(|name| body_name(name)).collect();
+    let text = mjcf::table(&body_name(table.name), &bodies, table.height_m);
+    let mut files = Files { folder, inputs: Vec::new(), written: Vec::new() };
+    files.write("scene.xml", |out| out.write_all(text.as_bytes()))?;
+    Ok(folder.join("scene.xml"))
+}
+
 /// The Gaussians and their field, without the Gaussians that were set aside.
 struct Kept {
     gaussians: Gaussians,

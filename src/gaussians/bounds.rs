@@ -125,16 +125,33 @@ pub fn robust_bounds(gaussians: &Gaussians) -> Bounds {
     bounds
 }
 
+/// The box between the 0.5 and the 99.5 percentile of the ends of the ellipsoids of the `opaque` Gaussians: the box around a
+/// thing that need not stand along the axes, whose corners have few Gaussians.
+pub fn ellipsoid_bounds(gaussians: &Gaussians) -> Bounds {
+    let chosen = opaque(gaussians);
+    let mut bounds = Bounds { min: Point3::origin(), max: Point3::origin() };
+    for axis in 0..3 {
+        let along = Vector3::ith(axis, 1.0);
+        let (mut lows, mut highs): (Vec<f64>, Vec<f64>) =
+            chosen.par_iter().map(|&i| ellipsoid_ends(gaussians, i, &along)).unzip();
+        (bounds.min[axis], bounds.max[axis]) = between_strays(&mut lows, &mut highs, STRAY_SHARE);
+    }
+    bounds
+}
+
+/// Where the ellipsoid of Gaussian `i` ends along a unit vector.
+fn ellipsoid_ends(gaussians: &Gaussians, i: usize, along: &Vector3<f64>) -> (f64, f64) {
+    let (center, reach) =
+        (along.dot(&gaussians.center(i).coords), ELLIPSOID_DEVIATIONS * gaussians.deviation(i, along));
+    (center - reach, center + reach)
+}
+
 /// The extents of the ellipsoids of the Gaussians `chosen` along each column of `axes`.
 fn sides_along(axes: &Matrix3<f64>, gaussians: &Gaussians, chosen: &[usize]) -> [Side; 3] {
     [0, 1, 2].map(|axis| {
         let along: Vector3<f64> = axes.column(axis).into_owned();
-        let ends = |&i: &usize| {
-            let (center, reach) =
-                (along.dot(&gaussians.center(i).coords), ELLIPSOID_DEVIATIONS * gaussians.deviation(i, &along));
-            (center - reach, center + reach)
-        };
-        let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = chosen.par_iter().map(ends).unzip();
+        let ends = chosen.par_iter().map(|&i| ellipsoid_ends(gaussians, i, &along));
+        let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = ends.unzip();
         let [length, shorter] = [STRAY_BODIES, STRAY_SHARE].map(|share| {
             let (low, high) = between_strays(&mut lows, &mut highs, share);
             high - low

@@ -25,7 +25,7 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
         let object = match scene.object_source {
             ObjectSource::Whole => all.clone(),
             // Surroundings may hide some of the object.
-            ObjectSource::Box | ObjectSource::Cluster => {
+            ObjectSource::Box | ObjectSource::Standing | ObjectSource::Cluster => {
                 foreground(scene, &view.camera).as_raw().iter().map(|value| *value > 0).collect()
             }
         };

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use super::run::{CommandLine, Run};
 use super::stages::{OpenScene, Stage, Tools};
-use super::{Options, Pipeline, Plan, work_folder};
+use super::{Options, Pipeline, Plan, work_folder_of};
 use crate::error::{Error, Result};
 use crate::words::progress::{CancelToken, Event, Progress, Watcher};
-use crate::workdir::{self, WorkDir};
+use crate::workdir::WorkDir;
 
 /// Settings for opening a [`Pipeline`]; from [`Pipeline::builder`].
 #[derive(Debug, Clone)]
@@ -97,7 +97,7 @@ fn load(folder: &Path, out: Option<&Path>, options: Options, watcher: Watcher) -
     let scene = crate::scene::load_with_progress(folder, &options.scene, Progress::Watched(&watcher, None))?;
     let tools = Tools::load(&options)?;
     crate::simulate::script_of(&options.simulate)?;
-    let root = workdir::named_or(out, work_folder(folder, None))?;
+    let root = work_folder_of(folder, out, options.scene.object)?;
     OpenScene::new(folder, WorkDir::open(&root)?, scene, tools, options, watcher)
 }
 
@@ -106,7 +106,7 @@ fn load(folder: &Path, out: Option<&Path>, options: Options, watcher: Watcher) -
 /// # Errors
 /// If the scene cannot be read or the options do not fit it.
 pub fn is_untouched(folder: &Path, out: Option<&Path>, options: &Options) -> Result<bool> {
-    if work_folder(folder, out).exists() {
+    if work_folder_of(folder, out, options.scene.object)?.exists() {
         return Ok(false);
     }
     crate::scene::load(folder, &options.scene)?;

@@ -34,10 +34,11 @@ use crate::grasp::GraspReport;
 use crate::parts::{Parts, PartsError};
 use crate::query::Answers;
 use crate::report::Report;
+use crate::scene::ObjectChoice;
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
-use crate::workdir;
+use crate::workdir::{self, WorkDirError};
 
 pub use builder::{Builder, is_untouched};
 pub use hasher::Hasher;
@@ -191,6 +192,19 @@ impl Pipeline {
 /// A result that exists only if the metric scale is known.
 fn metric<T>(found: Result<Option<T>>) -> Result<T, Error> {
     found.and_then(|found| Ok(found.ok_or(PartsError::ScaleUnknown)?))
+}
+
+/// The work folder of the chosen object of a scene: that of the scene, or one below it.
+///
+/// # Errors
+/// [`WorkDirError::Link`] if a folder that the user did not name is a link.
+pub fn work_folder_of(scene: &Path, out: Option<&Path>, object: ObjectChoice) -> Result<PathBuf, WorkDirError> {
+    let root = workdir::named_or(out, work_folder(scene, None))?;
+    let ObjectChoice::One(number) = object else { return Ok(root) };
+    let folder = workdir::object_folder(&root, &number.to_string());
+    let below = folder.ancestors().take_while(|path| *path != root);
+    below.into_iter().try_for_each(|path| workdir::refuse_link(path, workdir::OUT))?;
+    Ok(folder)
 }
 
 /// The work folder of the scene in `scene`: by default `gprop/` in its folder, or beside a mesh, named after it.

@@ -9,6 +9,7 @@ use super::splat::{dot_splat, ksplat, sog, spz};
 use crate::config::option_values::OptionError;
 use crate::files::json;
 use crate::scene::mesh::{self, MeshError};
+use crate::scene::object::choice::ObjectNumber;
 use crate::scene::object::outliers::AllSetAside;
 use crate::scene::reference::Outside;
 use crate::scene::splat::ply::PlyError;
@@ -123,6 +124,18 @@ pub enum SceneError {
         corner(high)
     )]
     EmptyBox { given: String, low: [f64; 3], high: [f64; 3] },
+    #[error(
+        "--object {given}: {} on the surface that the cameras look at; `gprop objects SCENE` shows what gprop takes for an object",
+        only_standing(*count)
+    )]
+    NoSuchObject { given: ObjectNumber, count: usize },
+    #[error(
+        "there are no objects to tell apart: {0}; gprop tells them apart if photos without masks go all around the surface on \
+         which they stand"
+    )]
+    NoSupport(&'static str),
+    #[error("--object all is for `gprop run`; name one object here, as `gprop objects SCENE` numbers them")]
+    AllObjects,
     #[error("`{}`: {reason}; correct it there or export the cameras again", path.display())]
     Json { path: PathBuf, reason: json::Problem },
     #[error("`{}` has no frames, so there are no photos to segment; name other cameras with --cameras, or use --render-views N", path.display())]
@@ -252,6 +265,14 @@ fn looked_in(folders: &[Held]) -> String {
         more => format!("`{}`, which has {} and {more} more", held.folder.display(), held.pictures.join(" ")),
     };
     folders.iter().map(held).collect::<Vec<_>>().join("; ")
+}
+
+fn only_standing(count: usize) -> String {
+    match count {
+        0 => "nothing stands".to_owned(),
+        1 => "only 1 object stands".to_owned(),
+        more => format!("only {more} objects stand"),
+    }
 }
 
 fn corner(point: &[f64; 3]) -> String {

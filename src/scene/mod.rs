@@ -42,9 +42,11 @@ use cameras::{Registered, dataparser};
 use object::support::Plane;
 
 pub use crate::gaussians::bounds::Bounds;
+use crate::gaussians::bounds::ellipsoid_bounds;
 pub(crate) use crate::gaussians::bounds::robust_bounds;
 pub use error::{SceneError, SplatProblem};
 pub use object::ObjectSource;
+pub use object::choice::{ObjectChoice, ObjectNumber};
 pub use of_mesh::{MeshCounts, SceneMesh};
 pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
 pub use photos::mask_color::{MaskChoice, MaskColor};
@@ -66,7 +68,7 @@ const MOST_ERROR: f64 = 0.9;
 /// The contents of a scene folder.
 #[derive(Debug, Clone)]
 pub struct Scene {
-    /// The folder's name; of a mesh, its file's without the ending.
+    /// The folder's name; of a mesh, its file's without the ending; of one of several objects, with its own name after it.
     pub name: String,
     /// The object's Gaussians; those that are set aside are marked.
     pub gaussians: Gaussians,
@@ -184,37 +186,16 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     if mesh::is_mesh(folder) && folder.is_file() {
         return of_mesh::load(folder, options);
     }
-    check_is_folder(folder)?;
-    let mut found = Found::default();
-    let splat_path = found.splat(folder, options)?;
-    let mut views = match options.render_views {
-        Some(_) => {
-            // The file relates the splat to cameras that are not read.
-            let align = match options.align {
-                Align::By(conversion) => Some(conversion),
-                Align::Gsplat(_) => None,
-            };
-            if found.dataparser(folder, None).is_some() || align.is_none() {
-                found.splat_units_per_camera_unit = None;
-            }
-            found.conversion = align.unwrap_or_default();
-            Vec::new()
-        }
-        None => found.views(folder, options)?,
-    };
-    let splat = found.read_splat(&splat_path, options)?;
-    let mut gaussians = splat.gaussians;
-    found.masks(folder, &mut views, &gaussians, options)?;
-    let frame = found.frame(&gaussians, &views, &options.up)?;
-    let mut as_read = up::turn::upright(&frame.up, &mut gaussians, &mut views);
-    found.notes.extend(frame.up.note());
+    let Capture { mut found, gaussians, views, mut as_read, frame } = Capture::read(folder, options)?;
     let means = object::Means {
+        object: options.object,
         object_box: options.object_box.as_ref(),
         as_read: as_read.as_ref(),
         support: frame.support_in_world.as_ref(),
     };
     let separated = object::separate(gaussians, &views, &means)?;
     found.notes.push(separated.note);
+    found.warnings.extend(separated.warning);
     let mut object = separated.object;
     if let Some(as_read) = &mut as_read {
         as_read.retain(&separated.kept);
@@ -237,8 +218,14 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     let (scale, warning) = options.scale.metric_scale(&measured)?;
     found.warnings.extend(warning);
     found.warnings.extend(frame.doubt.clone());
+    let folder_name = name_of(folder);
     Ok(Scene {
-        name: name_of(folder),
+        name: match options.object {
+            ObjectChoice::One(number) if separated.source == ObjectSource::Standing => {
+                format!("{folder_name}_{number}")
+            }
+            _ => folder_name,
+        },
         scale,
         gaussians: object,
         mesh: None,
@@ -256,6 +243,94 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     })
 }
 
+/// The things that stand on the surface that a capture shows.
+#[derive(Debug, Clone)]
+pub struct StandingObjects {
+    /// The folder's name.
+    pub name: String,
+    /// All Gaussians, in the world's frame.
+    pub gaussians: Gaussians,
+    /// The same in the input's frame, as they were read; `None` if that is the world's.
+    as_read: Option<Gaussians>,
+    /// For each Gaussian, the number of its object, from 1; 0 if it belongs to none.
+    pub object_of_gaussian: Vec<u32>,
+    /// Number of objects.
+    pub count: usize,
+    /// Every view with a camera and a photo, in the order of the camera file.
+    pub views: Vec<View>,
+    pub up: Up,
+    /// The surface, in the input's frame.
+    pub support: Plane,
+    /// Messages about problems that are not fatal.
+    pub warnings: Vec<String>,
+}
+
+impl StandingObjects {
+    /// Finds them in the scene in `folder`.
+    ///
+    /// # Errors
+    /// As [`load`]; also if nothing tells objects apart, because the photos have masks or no surface is found.
+    pub fn find(folder: &Path, options: &Options) -> Result<Self, SceneError> {
+        options.check()?;
+        if mesh::is_mesh(folder) && folder.is_file() {
+            return Err(SceneError::NoSupport("a mesh is one object"));
+        }
+        let Capture { found, gaussians, views, as_read, frame } = Capture::read(folder, options)?;
+        let support = frame.support_in_world;
+        let standing = object::standing(&gaussians, &views, support.as_ref())?;
+        let input_from_world = frame.up.world_from_input().inverse();
+        Ok(Self {
+            name: name_of(folder),
+            gaussians,
+            as_read,
+            object_of_gaussian: standing.object_of_gaussian,
+            count: standing.count,
+            views,
+            up: frame.up,
+            support: support.ok_or(SceneError::NoSupport("no surface was found"))?.turned(&input_from_world),
+            warnings: found.warnings.into_iter().chain(frame.doubt).collect(),
+        })
+    }
+
+    /// As [`Self::find`] if there are several. The splat is not read if masks or a box say what the object is.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn find_several(folder: &Path, options: &Options) -> Result<Option<Self>, SceneError> {
+        if !folder.is_dir() || options.object_box.is_some() || options.render_views.is_some() {
+            return Ok(None);
+        }
+        let mut found = Found::default();
+        found.splat(folder, options)?;
+        let views = found.views(folder, options)?;
+        let has_masks = views.is_empty() || views.iter().any(|view| view.mask.is_some());
+        if has_masks || object::own_foreground(&views)? != ForegroundSource::Whole {
+            return Ok(None);
+        }
+        match Self::find(folder, options) {
+            Ok(several) if several.count > 1 => Ok(Some(several)),
+            Ok(_) | Err(SceneError::NoSupport(_)) => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
+    /// The Gaussians of an object, in the world's frame.
+    pub fn gaussians_of(&self, object: ObjectNumber) -> Gaussians {
+        self.kept(self.gaussians.clone(), object)
+    }
+
+    /// The box that holds the ellipsoids of an object's opaque Gaussians except a few strays, in the input's frame.
+    pub fn bounds_in_input(&self, object: ObjectNumber) -> Bounds {
+        ellipsoid_bounds(&self.kept(self.as_read.as_ref().unwrap_or(&self.gaussians).clone(), object))
+    }
+
+    fn kept(&self, mut gaussians: Gaussians, object: ObjectNumber) -> Gaussians {
+        let kept: Vec<bool> = self.object_of_gaussian.iter().map(|of| *of == object.get()).collect();
+        gaussians.retain(&kept);
+        gaussians
+    }
+}
+
 /// The folder of a scene: of a mesh file, the one that holds it.
 pub fn home(scene: &Path) -> PathBuf {
     if scene.is_dir() { scene.to_owned() } else { scene.parent().unwrap_or(scene).to_owned() }
@@ -267,6 +342,46 @@ fn check_is_folder(path: &Path) -> Result<(), SceneError> {
         (true, _) => Ok(()),
         (false, true) => Err(SceneError::NotAFolder { path: path.to_owned() }),
         (false, false) => Err(SceneError::NoFolder { path: path.to_owned() }),
+    }
+}
+
+/// All that a folder shows, turned into the world's frame, before the object is separated from its surroundings.
+struct Capture {
+    found: Found,
+    gaussians: Gaussians,
+    views: Vec<View>,
+    /// The Gaussians in the input's frame, if that is another.
+    as_read: Option<Gaussians>,
+    frame: Frame,
+}
+
+impl Capture {
+    fn read(folder: &Path, options: &Options) -> Result<Self, SceneError> {
+        check_is_folder(folder)?;
+        let mut found = Found::default();
+        let splat_path = found.splat(folder, options)?;
+        let mut views = match options.render_views {
+            Some(_) => {
+                // The file relates the splat to cameras that are not read.
+                let align = match options.align {
+                    Align::By(conversion) => Some(conversion),
+                    Align::Gsplat(_) => None,
+                };
+                if found.dataparser(folder, None).is_some() || align.is_none() {
+                    found.splat_units_per_camera_unit = None;
+                }
+                found.conversion = align.unwrap_or_default();
+                Vec::new()
+            }
+            None => found.views(folder, options)?,
+        };
+        let splat = found.read_splat(&splat_path, options)?;
+        let mut gaussians = splat.gaussians;
+        found.masks(folder, &mut views, &gaussians, options)?;
+        let frame = found.frame(&gaussians, &views, &options.up)?;
+        let as_read = up::turn::upright(&frame.up, &mut gaussians, &mut views);
+        found.notes.extend(frame.up.note());
+        Ok(Self { found, gaussians, views, as_read, frame })
     }
 }
 

@@ -11,6 +11,7 @@ use serde::Serialize;
 use super::cameras::Registered;
 use super::cameras::align::{Align, Conversion};
 use super::mesh::{self, Axes, Mesh, MeshError, PaintedMesh, sample};
+use super::object::choice::ObjectChoice;
 use super::up::choice::UpChoice;
 use super::{ObjectSource, Options, Scene, SceneError, Up, scale};
 use crate::gaussians::Gaussians;
@@ -83,6 +84,7 @@ fn refuse_options_of_photos(options: &Options) -> Result<(), SceneError> {
         (options.masks.is_some(), "--masks"),
         (options.align != Align::default(), "--align"),
         (options.up != UpChoice::Auto, "--up"),
+        (options.object != ObjectChoice::Auto, "--object"),
         (options.object_box.is_some(), "--object-box"),
     ];
     match given.into_iter().find(|(is_given, _)| *is_given) {

@@ -15,6 +15,7 @@ use crate::config::option_values::{self, Domain, OptionError, check_typed, from_
 use crate::files::read_scope::ReadScope;
 use crate::gaussians::bounds::Bounds;
 use crate::scene::cameras::align::Align;
+use crate::scene::object::choice::ObjectChoice;
 use crate::scene::photos::mask_color::MaskChoice;
 use crate::scene::splat::QuaternionOrder;
 use crate::scene::up::choice::UpChoice;
@@ -32,6 +33,7 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::any("mask-color"),
     SceneKey::any("align"),
     SceneKey::any("up"),
+    SceneKey::any("object"),
     SceneKey::any("object-box"),
     SceneKey::any("render-views"),
     SceneKey::with("scale", ScaleChoice::may_be_of_scene, "any other scale"),
@@ -103,9 +105,15 @@ pub struct Options {
     #[arg(long, value_name = "auto|-y|...|X,Y,Z", default_value_t, allow_hyphen_values = true)]
     pub up: UpChoice,
 
-    /// Box around the object: two corners in scene units, in the splat's frame. Without a box, alpha or masks, the object is the densest cluster of
-    /// Gaussians that the cameras look at
-    #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true)]
+    /// Thing on a table that is the object, by its number in `gprop objects`; `gprop run` also takes `all`
+    ///
+    /// Its name, such as object_2, will do too. Its results go to WORK/objects/object_2. With `auto`, `gprop run` takes all things
+    /// if there are several, and other commands take the densest cluster of Gaussians that the cameras look at
+    #[arg(long, value_name = "auto|all|N|NAME", default_value_t, overrides_with = "object_box")]
+    pub object: ObjectChoice,
+
+    /// Box around the object: two corners in the splat's frame and unit
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true, overrides_with = "object")]
     pub object_box: Option<ObjectBox>,
 
     /// Render this many views from the splat itself instead of using photos

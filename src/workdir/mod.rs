@@ -32,7 +32,7 @@ pub const FORMAT_VERSION: u32 = 9;
 pub const DEFAULT_NAME: &str = "gprop";
 
 /// The option that names a work folder.
-const OUT: &str = "--out";
+pub const OUT: &str = "--out";
 
 /// The lock's file in a work folder.
 const LOCK: &str = ".lock";
@@ -110,6 +110,12 @@ pub enum Artifact<'a> {
     Grasp,
     /// The best places, drawn on the splat.
     GraspPicture,
+    /// The objects of a capture that shows several.
+    Objects,
+    /// A photo with their numbers.
+    ObjectsPicture,
+    /// Both on one page, with links to their reports.
+    ObjectsPage,
     /// The whole result, for programs.
     ReportJson,
     /// The whole result, for people.
@@ -155,11 +161,17 @@ impl Artifact<'_> {
             Self::Plot => "simulation/plot.svg".into(),
             Self::Grasp => "grasp.json".into(),
             Self::GraspPicture => "grasp.png".into(),
+            Self::Objects => "objects.json".into(),
+            Self::ObjectsPicture => "objects.jpg".into(),
+            Self::ObjectsPage => "index.html".into(),
             Self::ReportJson => "report.json".into(),
             Self::ReportHtml => "report.html".into(),
         }
     }
 }
+
+/// The folder that holds a work folder per object of a capture with several.
+const OBJECTS: &str = "objects";
 
 /// The folders inside a work folder that hold artifacts, views that were rendered, and recordings that could not be
 /// written to their own folder.
@@ -434,6 +446,12 @@ pub fn named_or(named: Option<&Path>, default: PathBuf) -> Result<PathBuf, WorkD
     }
     refuse_link(&default, OUT)?;
     Ok(default)
+}
+
+/// The work folder of the object `name` of a capture whose own is `root`; `root` itself if it is that folder already.
+pub fn object_folder(root: &Path, name: &str) -> PathBuf {
+    let below = Path::new(OBJECTS).join(name);
+    if root.ends_with(&below) { root.to_owned() } else { root.join(below) }
 }
 
 /// A thread that panicked while it held the mutex either ended the process or left the map consistent.

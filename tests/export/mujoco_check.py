@@ -2,6 +2,7 @@
 
 mujoco_check.py load MODEL...                  mass, centre of mass, inertia of the object
 mujoco_check.py rest MODEL...                  how it moves after a fall of 2 cm on a plane
+mujoco_check.py table SCENE...                 mass, and how far it is moved 2 s later, of each free body of a scene
 mujoco_check.py lift MODEL GRASP.json          how far two pads raise it; GRASP: contacts_m, approach, finger_side_m, force_n
 """
 
@@ -110,6 +111,26 @@ def rest(path):
     }
 
 
+def table(path):
+    """How far each free body is from where it was put, 2 s later."""
+    model = compiled(path)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    bodies = [int(model.jnt_bodyid[n]) for n in range(model.njnt) if model.jnt_type[n] == mujoco.mjtJoint.mjJNT_FREE]
+    before = data.xipos.copy()
+    while data.time < 2.0:
+        mujoco.mj_step(model, data)
+    return [
+        {
+            "name": model.body(body).name,
+            "mass_kg": float(model.body_mass[body]),
+            "place_m": before[body].tolist(),
+            "moved_m": float(np.linalg.norm(data.xipos[body] - before[body])),
+        }
+        for body in bodies
+    ]
+
+
 def lift(path, grasp):
     """Two pads press with the force, are raised by 0.1 m in 1 s, and wait 1 s."""
     tree, folder = with_plane(path)
@@ -198,5 +219,5 @@ if __name__ == "__main__":
         with open(paths[1]) as file:
             result = lift(paths[0], json.load(file))
     else:
-        result = [{"load": load, "rest": rest}[what](path) for path in paths]
+        result = [{"load": load, "rest": rest, "table": table}[what](path) for path in paths]
     print(json.dumps(result))

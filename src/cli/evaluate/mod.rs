@@ -2,6 +2,7 @@
 
 mod grasp;
 mod mass;
+mod objects;
 mod parts;
 mod robustness;
 mod segmentation;
@@ -53,6 +54,7 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> Result<()> {
         }
         Evaluate::Prompts { asked } => evaluate_prompts(global, asked),
         Evaluate::Parts { asked } => parts::evaluate(global, asked),
+        Evaluate::Objects { scenes, .. } => objects::evaluate(global, scenes),
         Evaluate::Robustness { scenes, few_views, out, allowed } => {
             robustness::evaluate(global, scenes, *few_views, out.as_deref(), &allowed.allow_read)
         }

@@ -64,8 +64,9 @@ impl TrueScene {
         };
         let found = self.chosen.par_iter().map(segments_of).collect::<Result<Vec<_>>>()?;
         let views = self.chosen.iter().zip(&found);
+        let cloud = self.scene.whole_cloud();
         let views: Vec<SegmentedView> =
-            views.map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();
+            views.map(|(view, segments)| SegmentedView { camera: &view.camera, cloud: &cloud, segments }).collect();
         let parts = consensus::find(&self.scene.gaussians, &views, global.progress());
         let of_views = compare(&self.scene.name, &self.scene.gaussians, &parts.part_of_gaussian(), &self.truth);
         let truth_of = |name: &str| self.truth.iter().find(|view| view.name == name).map(|view| &view.parts);

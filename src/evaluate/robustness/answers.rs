@@ -62,10 +62,11 @@ impl Voters<'_> {
         random: &mut Rng,
     ) -> Result<MaterialField, VoteError> {
         let views = self.views.iter().zip(segments);
-        let views: Vec<SegmentedView> =
-            views.map(|(view, segments)| SegmentedView { camera: view.camera, segments }).collect();
+        let views: Vec<SegmentedView> = views
+            .map(|(view, segments)| SegmentedView { camera: view.camera, cloud: self.gaussians, segments })
+            .collect();
         let parts = consensus::find(self.gaussians, &views, Progress::Hidden);
-        let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(self.gaussians, &parts, view)).collect();
+        let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(&parts, view)).collect();
         let shows = |id: u16, asked: u16| id > 0 && (id == asked || parts.part_of(id) == asked);
         let subjects = self.subjects(&parts, &masks);
         let mut answers: BTreeMap<SubjectInView, Outcome> = BTreeMap::new();

@@ -88,10 +88,11 @@ struct Found {
 fn find(open: &OpenScene, segmentation: &Segmentation) -> Result<Found> {
     let gaussians = &open.scene.gaussians;
     let views = open.views.iter().zip(&segmentation.views);
+    let cloud = open.scene.whole_cloud();
     let views: Vec<SegmentedView> =
-        views.map(|(view, segments)| SegmentedView { camera: &view.camera, segments }).collect();
+        views.map(|(view, segments)| SegmentedView { camera: &view.camera, cloud: &cloud, segments }).collect();
     let parts = consensus::find(gaussians, &views, open.progress());
-    let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(gaussians, &parts, view)).collect();
+    let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(&parts, view)).collect();
     let sharpness = |view: &View| Ok(consensus::sharpness(&view.photo()?.rgb));
     let sharpness = open.views.par_iter().map(sharpness).collect::<Result<Vec<_>>>()?;
     let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();

@@ -15,8 +15,8 @@ use crate::pipeline::segment_files::{
     SegmentsFile, are_nested, models_key, open_segmenter, remove_other_formats, shows_only, stored_segments,
     write_other_formats,
 };
-use crate::scene::{Upright, View};
-use crate::segment::formats::{file_of_view, import_view};
+use crate::scene::{ObjectSource, Upright, View};
+use crate::segment::formats::{file_of_view, import_view, within};
 use crate::segment::{LabelMap, Segmentation, ViewSegments, segment_views};
 use crate::workdir::Artifact;
 
@@ -86,7 +86,12 @@ fn import(open: &OpenScene, folder: &Path, names: &[&str], keys: &ViewKeys, file
     for name in names {
         let intrinsics = &view(open, name).camera.intrinsics;
         let size = (intrinsics.width, intrinsics.height);
-        let imported = import_view(folder, name, size, open.options.segment.flat_level())?;
+        let level = open.options.segment.flat_level();
+        let mut imported = import_view(folder, name, size, level)?;
+        // The masks are of everything that the photo shows.
+        if open.scene.object_source == ObjectSource::Standing {
+            imported = within(&imported, &open.photo(view(open, name))?.foreground, level)?;
+        }
         file.save(&open.work, &imported, keys[name].clone())?;
     }
     Ok(())
@@ -183,6 +188,9 @@ fn view_key(open: &OpenScene, view: &View, gaussians: &str, models: &str) -> Res
         .with_json(&(intrinsics.width, intrinsics.height, view.upright == Upright::Turned))
         .with_json(&open.options.segment.deciding());
     if let Some(folder) = &open.options.segment.segments {
+        if open.scene.object_source == ObjectSource::Standing {
+            hasher = hasher.with(gaussians.as_bytes()).with_json(&view.camera);
+        }
         return Ok(hasher.with(&imported_digest(folder, &view.name)?).hex());
     }
     match &view.mask {

@@ -1,11 +1,13 @@
 //! Separates the object's Gaussians from those of the room around it.
 //!
-//! The user may give a box around the object. Otherwise, if the photos have alpha or masks, the splat is taken to show
-//! the object alone; if not, the object is the densest cluster that the cameras look at (`cluster`), above what
-//! it stands on (`support`).
+//! The user may give a box around the object, or choose one of the things that stand on a table ([`standing`]). Otherwise, if
+//! the photos have alpha or masks, the splat is taken to show the object alone; if not, the object is the densest cluster that
+//! the cameras look at (`cluster`), above what it stands on (`support`).
 
+pub(super) mod choice;
 pub(super) mod cluster;
 pub mod outliers;
+pub(super) mod standing;
 pub(super) mod support;
 
 use nalgebra::Point3;
@@ -14,6 +16,8 @@ use serde::Serialize;
 use super::{ObjectBox, SceneError, View};
 use crate::gaussians::Gaussians;
 use crate::scene::photos::ForegroundSource;
+use choice::{ObjectChoice, ObjectNumber};
+use standing::Standing;
 use support::{Focus, Plane, poses};
 
 /// How the object was separated from its surroundings.
@@ -24,6 +28,8 @@ pub enum ObjectSource {
     Whole,
     /// `--object-box`.
     Box,
+    /// `--object`: one of the things that stand on the support.
+    Standing,
     /// The densest cluster that the cameras look at.
     Cluster,
 }
@@ -36,10 +42,13 @@ pub(super) struct Separated {
     pub kept: Vec<bool>,
     pub source: ObjectSource,
     pub note: String,
+    /// That there are other objects, if the user did not choose.
+    pub warning: Option<String>,
 }
 
 /// What separates the object from the rest.
 pub(super) struct Means<'a> {
+    pub object: ObjectChoice,
     pub object_box: Option<&'a ObjectBox>,
     /// The same Gaussians in the input's frame, which is that of the box, if it is another.
     pub as_read: Option<&'a Gaussians>,
@@ -55,10 +64,16 @@ pub(super) fn separate(gaussians: Gaussians, views: &[View], means: &Means) -> R
         kept: vec![true; count],
         source: ObjectSource::Whole,
         note: format!("object: all Gaussians{note}"),
+        warning: None,
     };
     if let Some(given) = means.object_box {
         let kept = in_box(given, means.as_read.unwrap_or(&gaussians))?;
         return Ok(split(gaussians, kept, ObjectSource::Box, "in --object-box"));
+    }
+    match means.object {
+        ObjectChoice::One(number) => return one_of(gaussians, views, means, number),
+        ObjectChoice::All => return Err(SceneError::AllObjects),
+        ObjectChoice::Auto => {}
     }
     if views.is_empty() {
         return Ok(whole(gaussians, ""));
@@ -69,16 +84,51 @@ pub(super) fn separate(gaussians: Gaussians, views: &[View], means: &Means) -> R
         _ => {}
     }
     let focus = Focus::of(&gaussians, &poses(views));
+    let standing = focus
+        .as_ref()
+        .zip(means.support)
+        .map_or(0, |(focus, support)| standing::find(&gaussians, focus, support).count);
+    let warning = (standing > 1).then(|| {
+        format!(
+            "{standing} objects stand on the surface that the cameras look at, and this is the densest cluster of Gaussians; `gprop \
+             objects SCENE` shows them, --object N takes one"
+        )
+    });
     match focus.and_then(|focus| cluster::around(&focus, means.support, count)) {
-        Some(kept) => Ok(split(
-            gaussians,
-            kept,
-            ObjectSource::Cluster,
-            "in the densest cluster that the cameras look at, since the photos have neither alpha nor masks (--object-box \
-             overrides)",
-        )),
+        Some(kept) => {
+            let how = "in the densest cluster that the cameras look at, since the photos have neither alpha nor masks \
+                       (--object-box overrides)";
+            Ok(Separated { warning, ..split(gaussians, kept, ObjectSource::Cluster, how) })
+        }
         None => Ok(whole(gaussians, "; the photos have neither alpha nor masks, and no cluster stands out")),
     }
+}
+
+/// What stands on the support, if there is one.
+///
+/// # Errors
+/// If there is no support, or the photos show the object alone.
+pub(super) fn standing(gaussians: &Gaussians, views: &[View], support: Option<&Plane>) -> Result<Standing, SceneError> {
+    if views.is_empty() {
+        return Err(SceneError::NoSupport("there are no photos"));
+    }
+    if own_foreground(views)? != ForegroundSource::Whole {
+        return Err(SceneError::NoSupport("alpha or masks of the photos say what the object is"));
+    }
+    let focus = Focus::of(gaussians, &poses(views));
+    let focus = focus.ok_or(SceneError::NoSupport("the cameras do not look at a common place"))?;
+    let support = support.ok_or(SceneError::NoSupport("no surface on which they could stand was found"))?;
+    Ok(standing::find(gaussians, &focus, support))
+}
+
+/// Separates the object with this number.
+fn one_of(gaussians: Gaussians, views: &[View], means: &Means, number: ObjectNumber) -> Result<Separated, SceneError> {
+    let found = standing(&gaussians, views, means.support)?;
+    let kept: Vec<bool> = found.object_of_gaussian.iter().map(|of| *of == number.get()).collect();
+    if number.get() as usize > found.count {
+        return Err(SceneError::NoSuchObject { given: number, count: found.count });
+    }
+    Ok(split(gaussians, kept, ObjectSource::Standing, &format!("of {number}, which stands on the surface")))
 }
 
 /// For each Gaussian, whether its centre is in the box.
@@ -118,5 +168,5 @@ fn split(gaussians: Gaussians, kept: Vec<bool>, source: ObjectSource, how: &str)
     let count = object.len();
     object.retain(&kept);
     let note = format!("object: {} of {count} Gaussians, those {how}", object.len());
-    Separated { object, surroundings, kept, source, note }
+    Separated { object, surroundings, kept, source, note, warning: None }
 }

@@ -19,7 +19,7 @@ use crate::scene::View;
 /// of about half the distance.
 const REACH: f64 = 0.6;
 /// Standard deviation of the largest Gaussian that may show a detail.
-const LARGEST: f64 = 0.03;
+pub(super) const LARGEST: f64 = 0.03;
 /// Distance from the support within which a Gaussian belongs to it: cloth wrinkles, and trained surfaces are thick.
 pub(super) const THICKNESS: f64 = 0.03;
 /// A support holds at least this share of the ball's Gaussians.
@@ -31,10 +31,10 @@ const LEAST_ON_ONE_SIDE: f64 = 0.9;
 /// Least cosine between the support's normal and the cameras' up (45 degrees): nothing stands on a steeper slope.
 const LEAST_COSINE: f64 = 0.7;
 /// Below this opacity a Gaussian is haze.
-const LEAST_OPACITY_LOGIT: f32 = -2.2;
+pub(super) const LEAST_OPACITY_LOGIT: f32 = -2.2;
 /// The plane is fitted twice to the Gaussians within each of these shares of the thickness. With them, the normal of a table
 /// whose true one is known is 0.06 degrees off; with the first alone, 0.4 degrees.
-const FITTED: [f64; 3] = [1.0, 0.5, 0.25];
+pub(super) const FITTED: [f64; 3] = [1.0, 0.5, 0.25];
 
 /// The poses of the views' cameras.
 pub(in crate::scene) fn poses(views: &[View]) -> Vec<Isometry3<f64>> {

@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use image::GrayImage;
+
 use super::super::paint::segment_list;
 use super::super::{LabelMap, LabelMapError, Level, ViewSegments};
 use crate::files;
@@ -54,6 +56,21 @@ pub fn import_view(folder: &Path, view: &str, size: (u32, u32), level: Level) ->
     let count = map.labels.iter().copied().max().unwrap_or(0);
     let segments = segment_list(&map, &vec![(1.0, 1.0); usize::from(count)], level);
     Ok(ViewSegments { view: view.to_owned(), map, segments })
+}
+
+/// The segments without what lies outside of the foreground; those of which nothing is left are left out.
+///
+/// # Errors
+/// [`LabelMapError`] if the map has more segments than its labels can name.
+pub fn within(imported: &ViewSegments, foreground: &GrayImage, level: Level) -> Result<ViewSegments, LabelMapError> {
+    let mut map = imported.map.clone();
+    for (label, inside) in map.labels.iter_mut().zip(foreground.as_raw()) {
+        *label = if *inside > 0 { *label } else { 0 };
+    }
+    let map = map.renumbered()?;
+    let count = map.labels.iter().copied().max().unwrap_or(0);
+    let segments = segment_list(&map, &vec![(1.0, 1.0); usize::from(count)], level);
+    Ok(ViewSegments { view: imported.view.clone(), map, segments })
 }
 
 /// True if a picture of size `found` can be the whole of one of size `photo` scaled down, with sides rounded up or down:

@@ -7,4 +7,4 @@ mod npy;
 
 pub use coco::coco;
 pub use format::Format;
-pub use import::{ImportError, file_of_view, import_view};
+pub use import::{ImportError, file_of_view, import_view, within};

@@ -1,0 +1,188 @@
+//! `gprop objects`, and runs of captures that show several objects: one object after the other, each as a scene of its own.
+
+use std::ffi::OsString;
+use std::path::Path;
+
+use crate::config;
+use crate::error::{Context, Error, ErrorKind, Result, UsageError};
+use crate::exit;
+use crate::export::{Format, Table, compose_mjcf};
+use crate::objects::{self, Objects, SomeFailed};
+use crate::pipeline::{Stage, work_folder_of};
+use crate::scene::{ObjectChoice, ObjectNumber, SceneError, StandingObjects};
+use crate::words::output::counted;
+use crate::workdir::{Artifact, WorkDir};
+
+use super::{ExportArgs, Global, WorkArgs, print, scene, shown};
+
+/// The stages of a run.
+#[derive(Debug, Clone, Copy)]
+pub struct Run {
+    /// The last one.
+    pub to: Stage,
+    pub simulates: bool,
+}
+
+/// The name of the option that chooses an object.
+const OBJECT: &str = "object";
+
+/// `gprop objects`.
+pub fn list(global: &Global, args: &objects::Args) -> Result<()> {
+    let root = work_folder_of(&args.scene, args.out.as_deref(), ObjectChoice::All)?;
+    let found = objects::command(args, &root, global.progress())?;
+    found.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
+    print(global, &found, || found.text() + &shown(&root.join(Artifact::ObjectsPage.path())))
+}
+
+/// Runs a scene: all objects that stand on its table if there are several and the user chose none, or asked for all.
+pub fn run(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Result<()> {
+    let options = &work.options.scene;
+    let several = match options.object {
+        ObjectChoice::One(_) => None,
+        ObjectChoice::All => Some(StandingObjects::find(folder, options)?),
+        // What is wrong with the scene is reported by the run itself.
+        ObjectChoice::Auto => StandingObjects::find_several(folder, options).ok().flatten(),
+    };
+    match several {
+        Some(found) => run_all(global, folder, work, run, &found),
+        None => run_one(global, folder, work, run),
+    }
+}
+
+/// Runs a scene as one object.
+pub fn run_one(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Result<()> {
+    let run_scene = if run.simulates { scene::run } else { scene::run_without_simulation };
+    run_scene(global, folder, work, run.to)
+}
+
+/// Runs every object, and writes the list and the page of the capture after each.
+fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &StandingObjects) -> Result<()> {
+    if !run.simulates {
+        scene::check_without_simulation(run.to)?;
+    }
+    require_objects(found)?;
+    if work.options.parts.known_mass.is_some() {
+        let problem = "--known-mass is the mass of one object; say of which with --object N";
+        return Err(UsageError(problem.to_owned()).into());
+    }
+    let numbers: Vec<ObjectNumber> = ObjectNumber::first(found.count).collect();
+    global.progress().line(&format!(
+        "{} on the surface; each is run by itself (--object N runs one, `gprop objects` shows them)",
+        counted(found.count, "object")
+    ));
+    let each =
+        |number: ObjectNumber| Each { global: for_object(global, number), work: share(work, number, found.count) };
+    if work.dry_run {
+        let dry_run = |number: &ObjectNumber| {
+            let Each { global, work } = each(*number);
+            Ok((number.to_string(), scene::dry_run(&global, folder, &work, run.to, run.simulates)?))
+        };
+        let all = numbers.iter().map(dry_run).collect::<Result<Vec<_>>>()?;
+        let text = || all.iter().map(|(name, dry)| format!("{name}\n{}", dry.text())).collect::<Vec<_>>().join("\n");
+        let json: Vec<_> = all.iter().map(|(name, dry)| serde_json::json!({ "name": name, "run": dry })).collect();
+        return print(global, &json, text);
+    }
+    let root = work_folder_of(folder, work.out.as_deref(), ObjectChoice::All)?;
+    let of_capture = WorkDir::open(&root)?;
+    let mut objects = Objects::look(found, &of_capture, global.progress())?;
+    objects.write(&of_capture)?;
+    let mut errors: Vec<Option<String>> = vec![None; numbers.len()];
+    for (index, &number) in numbers.iter().enumerate() {
+        let Each { global: own, work } = each(number);
+        own.progress().line(&number.to_string());
+        if let Err(error) = run_object(&own, folder, &work, run) {
+            if ends_all(&error) {
+                return Err(error);
+            }
+            let text = exit::message(&error);
+            tracing::warn!("{number}: {text}");
+            errors[index] = Some(text);
+        }
+        objects.read_results(&root, &errors);
+        objects.write(&of_capture)?;
+    }
+    let page = shown(&root.join(Artifact::ObjectsPage.path()));
+    print(global, &objects, || objects.text() + &page)?;
+    let failed: Vec<String> = numbers
+        .iter()
+        .zip(&errors)
+        .filter(|(_, error)| error.is_some())
+        .map(|(number, _)| number.to_string())
+        .collect();
+    if failed.is_empty() { Ok(()) } else { Err(SomeFailed { count: numbers.len(), failed }.into()) }
+}
+
+/// The command as it is for one object.
+struct Each {
+    global: Global,
+    work: WorkArgs,
+}
+
+/// Does the stages of one object. What they found is printed at the end, for all.
+fn run_object(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Result<()> {
+    let mut pipeline = scene::open(global, folder, work, run.to, run.simulates)?;
+    pipeline.run()
+}
+
+/// Whether an error concerns all objects: a missing model or an interrupt.
+fn ends_all(error: &Error) -> bool {
+    matches!(error.kind(), ErrorKind::Model | ErrorKind::Cancelled)
+}
+
+/// The options for one object: the budget is shared out among all.
+fn share(work: &WorkArgs, number: ObjectNumber, count: usize) -> WorkArgs {
+    let mut work = work.clone();
+    work.options.scene.object = ObjectChoice::One(number);
+    work.options.query.max_usd = work.options.query.max_usd.map(|usd| usd / count as f64);
+    work
+}
+
+/// The flags as if the user had chosen this object: later commands on its work folder go on from them.
+fn for_object(global: &Global, number: ObjectNumber) -> Global {
+    let mut global = global.clone();
+    let chosen = format!("--{OBJECT}={number}");
+    let flags = &mut global.flags;
+    for list in [&mut flags.typed, &mut flags.effective] {
+        list.retain(|flag| config::name_of(flag) != OBJECT);
+        list.push(OsString::from(&chosen));
+    }
+    let of_scene = flags.recorded.entry("scene".to_owned()).or_default();
+    of_scene.retain(|flag| config::name_of(flag.as_ref()) != OBJECT);
+    of_scene.push(chosen);
+    global
+}
+
+/// Exports every object into one folder; as MJCF, also all of them on the surface on which they stand.
+pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
+    let formats = scene::formats(args)?;
+    let found = StandingObjects::find(&args.scene, &args.options.scene)?;
+    require_objects(&found)?;
+    let (mut files, mut names) = (Vec::new(), Vec::new());
+    let mut meters_per_unit = 1.0;
+    for number in ObjectNumber::first(found.count) {
+        let mut options = args.options.clone();
+        options.scene.object = ObjectChoice::One(number);
+        let own = for_object(global, number);
+        let exported = scene::export_one(&own, args, &options).with_context(|| number.to_string())?;
+        meters_per_unit = exported.meters_per_unit.unwrap_or(meters_per_unit);
+        names.push(exported.name);
+        files.extend(exported.files);
+    }
+    if formats.contains(&Format::Mjcf) {
+        let height_m = if found.up.is_z() { found.support.offset * meters_per_unit } else { 0.0 };
+        let table = Table { name: &found.name, objects: &names, height_m };
+        let composed = compose_mjcf(&table, &args.out)?;
+        // It took the place of those of the single objects.
+        files.retain(|file| *file != composed);
+        files.insert(0, composed);
+    }
+    scene::print_files(global, &files)
+}
+
+/// Fails if there are no objects.
+fn require_objects(found: &StandingObjects) -> Result<(), SceneError> {
+    match found.count {
+        0 => Err(SceneError::NoSupport("nothing stands on the surface that the cameras look at")),
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,463 @@
+//! What stands on the support, each thing by itself.
+//!
+//! 1. [`Surface`]: where the support's Gaussians really lie. A trained surface is as thick as the photos leave it in doubt;
+//!    what is higher than a few times its spread is not the surface.
+//! 2. [`clusters`]: opaque Gaussians above it whose voxels touch.
+//! 3. [`Region::stands_on`]: clusters with the support around them are objects; walls, the edge of the table, what stands behind it,
+//!    and what reaches out of the region that the cameras look at are parts of the room. A cluster that hovers over an object
+//!    belongs to it.
+//! 4. [`Joining`]: the other Gaussians in an object's voxels join it, and over its [`Foot`] also those as low as the surface, so
+//!    that nothing is cut off at the bottom.
+//!
+//! Things that touch are one object. All lengths are fractions of the cameras' median distance from the focus.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use nalgebra::{Matrix2, Matrix3x2, Point2, Point3, Vector2, Vector3};
+
+use super::support::{FITTED, Focus, LARGEST, LEAST_OPACITY_LOGIT, Plane, THICKNESS};
+use crate::gaussians::Gaussians;
+use crate::numeric::median;
+
+/// Distance from the focus within which things are looked for: what reaches farther is part of the room.
+const REACH: f64 = 1.1;
+/// Distance from the focus, along the support, within which the middle of an object lies: cameras that walk around several things
+/// keep all of them in the picture.
+const MIDDLE_WITHIN: f64 = 0.8;
+/// Least side of a voxel, 13 mm if the cameras are a metre away. Gaps smaller than this do not split an object; a board with a
+/// knife and a loaf on it falls apart below two thirds of it.
+const LEAST_VOXEL: f64 = 1.0 / 80.0;
+/// Most, which a coarse splat needs: the Gaussians of a surface touch within twice their largest standard deviation.
+const MOST_VOXEL: f64 = 1.0 / 30.0;
+const DEVIATIONS_PER_VOXEL: f64 = 2.0;
+/// Opacity logit from which a Gaussian shows something solid: 0.3.
+const SOLID_LOGIT: f32 = -0.85;
+/// Standard deviation of a normal distribution, in median absolute deviations.
+const NORMAL_DEVIATIONS: f64 = 1.4826;
+/// What is higher than this many spreads of the surface does not belong to it.
+const SPREADS: f64 = 3.0;
+/// Least such height: a flawless surface has no spread.
+const LEAST_THICKNESS: f64 = 0.002;
+/// Fewest Gaussians and voxels of an object: crumbs of a wrinkled table cloth have up to 11 solid Gaussians, a banana 203.
+const FEWEST_GAUSSIANS: usize = 24;
+const FEWEST_VOXELS: usize = 8;
+/// Least height of an object, in thicknesses of the surface.
+const LEAST_HEIGHT: f64 = 2.0;
+/// Side of a cell of the support, seen from above, in voxels: the Gaussians of a table are larger than those of things.
+const CELL: f64 = 2.0;
+/// Width, in cells, of the ring around an object in which the support shows.
+const RING: i64 = 2;
+/// Least share of that ring where the support shows: half of it does along a straight edge or wall.
+const LEAST_SURROUNDED: f64 = 0.6;
+/// Height of the Gaussians that tell where an object touches the support, in thicknesses of the surface.
+const FOOT: f64 = 2.0;
+/// Side of a cell of the foot.
+const FOOT_CELL: f64 = 1.0 / 400.0;
+/// Standard deviations of a Gaussian that the foot covers.
+const FOOT_DEVIATIONS: f64 = 1.5;
+/// Gaps in the rim of a foot that are closed have up to twice this many cells (20 mm if the cameras are a metre away); the rim is
+/// as wide.
+const RIM_CELLS: usize = 4;
+/// Least height, in thicknesses of the surface, of the Gaussians of an object: over the rim of its foot, where the surface is seen
+/// beside it, and over the rest, where the surface is hidden and what is as low is the object's bottom. Chosen with the rendered
+/// table whose masks docs/evaluation.md compares.
+const LEAST_OVER_RIM: f64 = 0.25;
+const LEAST_OVER_FOOT: f64 = -1.0 / SPREADS;
+/// Most cells that the foot of one Gaussian covers along each axis, so that the time is bounded.
+const MOST_FOOT_CELLS: i64 = 32;
+
+/// The things that stand on the support.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(in crate::scene) struct Standing {
+    /// For each Gaussian, the number of its object, from 1; 0 if it belongs to none.
+    pub object_of_gaussian: Vec<u32>,
+    /// Number of objects. Those with more solid Gaussians come first.
+    pub count: usize,
+}
+
+/// A place relative to the support.
+#[derive(Debug, Clone, Copy)]
+struct Place {
+    along: Point2<f64>,
+    /// Above the surface.
+    height: f64,
+}
+
+/// The support's surface, with axes along it and the unit of all lengths.
+struct Surface {
+    origin: Point3<f64>,
+    /// Two unit vectors along the surface.
+    axes: Matrix3x2<f64>,
+    normal: Vector3<f64>,
+    unit: f64,
+    /// Distance of the surface from the plane that was fitted.
+    offset: f64,
+    /// Height below which a Gaussian may belong to the surface.
+    thickness: f64,
+}
+
+impl Surface {
+    /// `None` if no Gaussians are near the plane.
+    fn of(focus: &Focus, plane: &Plane) -> Option<Self> {
+        let normal = plane.normal;
+        let first = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).normalize();
+        let axes = Matrix3x2::from_columns(&[first, normal.cross(&first)]);
+        let origin = focus.point - normal * plane.height(&focus.point);
+        let band = THICKNESS * FITTED[FITTED.len() - 1];
+        let heights: Vec<f64> =
+            focus.points.iter().map(|at| plane.height(at) / focus.unit).filter(|height| height.abs() < band).collect();
+        let offset = median(heights.clone())?;
+        let spread = NORMAL_DEVIATIONS * median(heights.iter().map(|height| (height - offset).abs()).collect())?;
+        let thickness = (SPREADS * spread).max(LEAST_THICKNESS);
+        Some(Self { origin, axes, normal, unit: focus.unit, offset, thickness })
+    }
+
+    fn place(&self, point: &Point3<f64>) -> Place {
+        let from_origin = (point - self.origin) / self.unit;
+        let along: Vector2<f64> = self.axes.transpose() * from_origin;
+        Place { along: along.into(), height: self.normal.dot(&from_origin) - self.offset }
+    }
+}
+
+/// What lies in the region that the cameras look at.
+struct Region<'a> {
+    gaussians: &'a Gaussians,
+    surface: Surface,
+    /// Side of a voxel.
+    voxel: f64,
+    /// The indices of its Gaussians that are no haze and no walls, with their places.
+    places: BTreeMap<usize, Place>,
+    /// The cells in which the support shows.
+    support: BTreeSet<[i64; 2]>,
+}
+
+/// Gaussians whose voxels touch.
+struct Cluster {
+    voxels: BTreeSet<[i64; 3]>,
+    /// In the order of the splat.
+    indices: Vec<usize>,
+}
+
+/// Finds what stands on the support; nothing if the support is not seen near the focus.
+pub(in crate::scene) fn find(gaussians: &Gaussians, focus: &Focus, support: &Plane) -> Standing {
+    let nothing = || Standing { object_of_gaussian: vec![0; gaussians.len()], count: 0 };
+    let Some(region) = Region::around(gaussians, focus, support) else { return nothing() };
+    let (mut standing, others): (Vec<Cluster>, Vec<Cluster>) =
+        region.clusters().into_iter().partition(|cluster| region.stands_on(cluster));
+    standing.sort_by(|a, b| b.indices.len().cmp(&a.indices.len()).then(a.indices[0].cmp(&b.indices[0])));
+    region.join_hovering(&mut standing, others);
+    let mut found = Standing { count: standing.len(), ..nothing() };
+    for (number, cluster) in (1..).zip(&standing) {
+        cluster.indices.iter().for_each(|i| found.object_of_gaussian[*i] = number);
+    }
+    Joining::new(&region, &standing).join(&mut found.object_of_gaussian);
+    found
+}
+
+impl<'a> Region<'a> {
+    fn around(gaussians: &'a Gaussians, focus: &Focus, support: &Plane) -> Option<Self> {
+        let surface = Surface::of(focus, support)?;
+        let is_detail = |i: &usize| {
+            gaussians.opacity_logits[*i] >= LEAST_OPACITY_LOGIT
+                && (gaussians.center(*i) - focus.point).norm() < REACH * focus.unit
+                && gaussians.scale(*i).max() < LARGEST * focus.unit
+        };
+        let details = (0..gaussians.len()).filter(is_detail);
+        let places: BTreeMap<usize, Place> = details.map(|i| (i, surface.place(&gaussians.center(i)))).collect();
+        let mut region = Self { gaussians, surface, voxel: LEAST_VOXEL, places, support: BTreeSet::new() };
+        let above = region.places.iter().filter(|(i, place)| region.is_solid(**i) && region.is_above(place));
+        let sizes = above.map(|(i, _)| DEVIATIONS_PER_VOXEL * gaussians.scale(*i).max() / focus.unit).collect();
+        region.voxel = median(sizes).unwrap_or(0.0).clamp(LEAST_VOXEL, MOST_VOXEL);
+        let on_surface = region.places.values().filter(|place| place.height.abs() <= region.surface.thickness);
+        region.support = on_surface.map(|place| region.cell(place)).collect();
+        Some(region)
+    }
+
+    /// Clusters of the solid Gaussians above the surface.
+    fn clusters(&self) -> Vec<Cluster> {
+        let mut voxels: BTreeMap<[i64; 3], Vec<usize>> = BTreeMap::new();
+        for (&i, place) in self.places.iter().filter(|(i, place)| self.is_solid(**i) && self.is_above(place)) {
+            voxels.entry(self.voxel(place)).or_default().push(i);
+        }
+        let mut left: BTreeSet<[i64; 3]> = voxels.keys().copied().collect();
+        let mut clusters = Vec::new();
+        while let Some(start) = left.pop_first() {
+            let mut cluster = Cluster { voxels: BTreeSet::new(), indices: Vec::new() };
+            let mut open = vec![start];
+            while let Some(at) = open.pop() {
+                cluster.indices.extend(&voxels[&at]);
+                open.extend(around(at).filter(|neighbour| left.remove(neighbour)));
+                cluster.voxels.insert(at);
+            }
+            cluster.indices.sort_unstable();
+            clusters.push(cluster);
+        }
+        clusters
+    }
+
+    fn is_solid(&self, i: usize) -> bool {
+        self.gaussians.opacity_logits[i] >= SOLID_LOGIT
+    }
+
+    /// The cell of the support below a place.
+    fn cell(&self, place: &Place) -> [i64; 2] {
+        cell(&place.along, CELL * self.voxel)
+    }
+
+    fn voxel(&self, place: &Place) -> [i64; 3] {
+        let [x, y] = cell(&place.along, self.voxel);
+        [x, y, (place.height / self.voxel).floor() as i64]
+    }
+
+    fn is_above(&self, place: &Place) -> bool {
+        place.height > self.surface.thickness
+    }
+
+    /// Whether a cluster is an object: large enough, close to the surface, within the region, and with the support around it.
+    fn stands_on(&self, cluster: &Cluster) -> bool {
+        if cluster.indices.len() < FEWEST_GAUSSIANS || cluster.voxels.len() < FEWEST_VOXELS {
+            return false;
+        }
+        let places = || cluster.indices.iter().map(|i| &self.places[i]);
+        let heights = places().map(|place| place.height);
+        let (low, high) = heights.fold((f64::INFINITY, 0.0_f64), |(low, high), at| (low.min(at), high.max(at)));
+        let middle = places().map(|place| place.along.coords).sum::<Vector2<f64>>() / cluster.indices.len() as f64;
+        let leaves = places().any(|place| place.along.coords.norm() > REACH - self.voxel);
+        high > LEAST_HEIGHT * self.surface.thickness
+            && low < self.surface.thickness + self.voxel
+            && middle.norm() < MIDDLE_WITHIN
+            && !leaves
+            && self.surrounded(cluster) >= LEAST_SURROUNDED
+    }
+
+    /// The share of the ring around a cluster's outline, seen from above, in which the support shows.
+    fn surrounded(&self, cluster: &Cluster) -> f64 {
+        let outline = self.outline(cluster);
+        let near = |at: &[i64; 2]| {
+            let [x, y] = *at;
+            (-RING..=RING).flat_map(move |i| (-RING..=RING).map(move |j| [x + i, y + j]))
+        };
+        let ring: BTreeSet<[i64; 2]> = outline.iter().flat_map(near).filter(|at| !outline.contains(at)).collect();
+        let shown = ring.iter().filter(|at| self.support.contains(*at)).count();
+        shown as f64 / ring.len().max(1) as f64
+    }
+
+    /// The cells below a cluster.
+    fn outline(&self, cluster: &Cluster) -> BTreeSet<[i64; 2]> {
+        cluster.indices.iter().map(|i| self.cell(&self.places[i])).collect()
+    }
+
+    /// Adds clusters that hover over an object to it: a pot's lid on a rim that no photo shows, the far side of glass.
+    fn join_hovering(&self, standing: &mut [Cluster], others: Vec<Cluster>) {
+        let outlines: Vec<BTreeSet<[i64; 2]>> = standing.iter().map(|cluster| self.outline(cluster)).collect();
+        for other in others {
+            let own = self.outline(&other);
+            let above = |outline: &BTreeSet<[i64; 2]>| 2 * own.intersection(outline).count() > own.len();
+            if let Some(below) = outlines.iter().position(above) {
+                standing[below].indices.extend(other.indices);
+                standing[below].voxels.extend(other.voxels);
+            }
+        }
+    }
+}
+
+/// Adds the rest of the Gaussians to the objects around them.
+struct Joining<'a> {
+    region: &'a Region<'a>,
+    object_of_voxel: BTreeMap<[i64; 3], u32>,
+    /// By number, from 1.
+    feet: Vec<Foot>,
+}
+
+impl<'a> Joining<'a> {
+    fn new(region: &'a Region<'a>, standing: &[Cluster]) -> Self {
+        let mut object_of_voxel = BTreeMap::new();
+        for (number, cluster) in (1..).zip(standing) {
+            object_of_voxel.extend(cluster.voxels.iter().map(|at| (*at, number)));
+        }
+        Self { region, object_of_voxel, feet: standing.iter().map(|cluster| Foot::of(region, cluster)).collect() }
+    }
+
+    fn join(&self, object_of_gaussian: &mut [u32]) {
+        for (i, object) in object_of_gaussian.iter_mut().enumerate().filter(|(_, object)| **object == 0) {
+            let found = match self.region.places.get(&i) {
+                Some(place) if self.region.is_above(place) => self.near(place),
+                Some(place) => self.above_foot(place),
+                None => self.around_large(i),
+            };
+            *object = found.unwrap_or(0);
+        }
+    }
+
+    /// The object in whose voxel a place is, or in one that touches it.
+    fn near(&self, place: &Place) -> Option<u32> {
+        let own = self.region.voxel(place);
+        let touching = || around(own).find_map(|at| self.object_of_voxel.get(&at));
+        self.object_of_voxel.get(&own).or_else(touching).copied()
+    }
+
+    /// The object over whose foot a place as low as the surface is.
+    fn above_foot(&self, place: &Place) -> Option<u32> {
+        let height = place.height / self.region.surface.thickness;
+        let is_over = |foot: &Foot| match foot.at(&place.along) {
+            Standpoint::Beside => false,
+            Standpoint::Rim => height >= LEAST_OVER_RIM,
+            Standpoint::Foot => height >= LEAST_OVER_FOOT,
+        };
+        self.feet.iter().position(is_over).map(|at| at as u32 + 1)
+    }
+
+    /// The object in which a Gaussian too large to show a detail lies, with one standard deviation along its longest axis: the
+    /// middle of a plain board may be a single one.
+    fn around_large(&self, i: usize) -> Option<u32> {
+        let Region { gaussians, surface, .. } = self.region;
+        let center = gaussians.center(i);
+        if gaussians.opacity_logits[i] < LEAST_OPACITY_LOGIT || surface.place(&center).along.coords.norm() > REACH {
+            return None;
+        }
+        let scale = gaussians.scale(i);
+        let longest = scale.imax();
+        let reach = gaussians.rotation(i) * Vector3::ith(longest, scale[longest]);
+        let ends = [center, center + reach, center - reach];
+        let [middle, one, other] = ends.map(|end| self.near(&surface.place(&end)));
+        middle.filter(|_| middle == one && middle == other)
+    }
+}
+
+/// Where an object touches the support: cells covered by its lowest Gaussians, and all that they enclose.
+struct Foot {
+    /// The cell at the corner.
+    corner: [i64; 2],
+    size: [usize; 2],
+    /// Row by row.
+    cells: Vec<Standpoint>,
+}
+
+/// What a place is to a foot.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Standpoint {
+    Beside,
+    /// On the foot, close to its border.
+    Rim,
+    /// On the rest of it.
+    Foot,
+}
+
+impl Foot {
+    fn of(region: &Region, cluster: &Cluster) -> Self {
+        let surface = &region.surface;
+        let is_low = |i: &&usize| region.places[i].height <= (1.0 + FOOT) * surface.thickness;
+        let mut covered = BTreeSet::new();
+        for &i in cluster.indices.iter().filter(is_low) {
+            let spread =
+                surface.axes.transpose() * region.gaussians.covariance(i) * surface.axes / surface.unit.powi(2);
+            cover(&region.places[&i].along, &spread, &mut covered);
+        }
+        let margin = RIM_CELLS as i64 + 1;
+        let ends = |axis: usize| {
+            let (low, high) =
+                covered.iter().fold((i64::MAX, i64::MIN), |(low, high), at| (low.min(at[axis]), high.max(at[axis])));
+            if low > high { (0, 0) } else { (low - margin, (high - low + 1 + 2 * margin) as usize) }
+        };
+        let ((left, width), (low, height)) = (ends(0), ends(1));
+        let (corner, size) = ([left, low], [width, height]);
+        let mut solid = Mask { size, cells: vec![false; width * height] };
+        covered.iter().for_each(|at| solid.cells[(at[1] - low) as usize * width + (at[0] - left) as usize] = true);
+        (0..RIM_CELLS).for_each(|_| solid.grow(true));
+        solid.fill();
+        (0..RIM_CELLS).for_each(|_| solid.grow(false));
+        let mut inner = solid.clone();
+        (0..RIM_CELLS).for_each(|_| inner.grow(false));
+        let standpoint = |(covered, inner): (&bool, &bool)| match (covered, inner) {
+            (_, true) => Standpoint::Foot,
+            (true, false) => Standpoint::Rim,
+            (false, false) => Standpoint::Beside,
+        };
+        Self { corner, size, cells: solid.cells.iter().zip(&inner.cells).map(standpoint).collect() }
+    }
+
+    fn at(&self, along: &Point2<f64>) -> Standpoint {
+        let [x, y] = cell(along, FOOT_CELL);
+        let [x, y] = [x - self.corner[0], y - self.corner[1]].map(|from| usize::try_from(from).unwrap_or(usize::MAX));
+        let [width, height] = self.size;
+        if x < width && y < height { self.cells[y * width + x] } else { Standpoint::Beside }
+    }
+}
+
+/// Cells of the support, row by row. Those at the border are not covered.
+#[derive(Clone)]
+struct Mask {
+    size: [usize; 2],
+    cells: Vec<bool>,
+}
+
+impl Mask {
+    /// Gives each cell the value if one of the four beside it has it.
+    fn grow(&mut self, value: bool) {
+        let before = self.cells.clone();
+        let [width, height] = self.size;
+        for y in 1..height.saturating_sub(1) {
+            for x in 1..width.saturating_sub(1) {
+                let at = y * width + x;
+                if [at - 1, at + 1, at - width, at + width].iter().any(|beside| before[*beside] == value) {
+                    self.cells[at] = value;
+                }
+            }
+        }
+    }
+
+    /// Covers the cells from which no way leads to the border past the covered ones.
+    fn fill(&mut self) {
+        let [width, height] = self.size;
+        let mut outside = vec![false; self.cells.len()];
+        let mut open: Vec<[usize; 2]> = if self.cells.is_empty() { Vec::new() } else { vec![[0, 0]] };
+        while let Some([x, y]) = open.pop() {
+            let at = y * width + x;
+            if std::mem::replace(&mut outside[at], true) || self.cells[at] {
+                continue;
+            }
+            if x > 0 {
+                open.push([x - 1, y]);
+            }
+            if x + 1 < width {
+                open.push([x + 1, y]);
+            }
+            if y > 0 {
+                open.push([x, y - 1]);
+            }
+            if y + 1 < height {
+                open.push([x, y + 1]);
+            }
+        }
+        self.cells.iter_mut().zip(outside).for_each(|(covered, outside)| *covered |= !outside);
+    }
+}
+
+/// Adds the cells whose centres lie within [`FOOT_DEVIATIONS`] of a Gaussian seen from above, and the cell of its own centre.
+fn cover(center: &Point2<f64>, spread: &Matrix2<f64>, covered: &mut BTreeSet<[i64; 2]>) {
+    let side = FOOT_CELL;
+    let [x, y] = cell(center, side);
+    covered.insert([x, y]);
+    let Some(inverse) = spread.try_inverse() else { return };
+    let reach = |axis: usize| {
+        let cells = (FOOT_DEVIATIONS * spread[(axis, axis)].max(0.0).sqrt() / side).ceil();
+        (cells as i64).min(MOST_FOOT_CELLS)
+    };
+    for i in x - reach(0)..=x + reach(0) {
+        for j in y - reach(1)..=y + reach(1) {
+            let from_center = Point2::new(i as f64 + 0.5, j as f64 + 0.5) * side - center;
+            if (from_center.transpose() * inverse * from_center)[0] <= FOOT_DEVIATIONS.powi(2) {
+                covered.insert([i, j]);
+            }
+        }
+    }
+}
+
+fn cell(along: &Point2<f64>, side: f64) -> [i64; 2] {
+    (along / side).coords.map(|v| v.floor() as i64).into()
+}
+
+/// A voxel and those that touch it.
+fn around([x, y, z]: [i64; 3]) -> impl Iterator<Item = [i64; 3]> {
+    (-1..=1).flat_map(move |i| (-1..=1).flat_map(move |j| (-1..=1).map(move |k| [x + i, y + j, z + k])))
+}
