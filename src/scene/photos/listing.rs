@@ -170,7 +170,8 @@ pub(super) fn name_of(path: &str) -> &str {
 }
 
 fn is_work_folder(path: &Path) -> bool {
-    path.join(Artifact::Run.path()).is_file()
+    // A capture that shows several objects has its runs in folders below.
+    [Artifact::Run, Artifact::Objects].iter().any(|of_runs| path.join(of_runs.path()).is_file())
 }
 
 /// Listings, each made once.
