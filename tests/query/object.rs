@@ -24,7 +24,7 @@ fn wood_or_plastic(mass_of_hollow_g: [f64; 2], regions: &[u16]) -> Value {
             "under": [under], "probability": 1, "family": family, "material": material,
             "form": if is_shell { "shell" } else { "solid" }, "wall_thickness_mm": wall,
             "inside": if is_shell { json!("empty") } else { Value::Null }, "filling": null, "fill_share": null,
-            "filling_density_kg_m3": null, "bulk_density_kg_m3": null,
+            "filling_density_kg_m3": null, "density_kg_m3": if is_shell { [1020, 1080] } else { [650, 750] },
         })
     };
     json!({

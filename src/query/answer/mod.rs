@@ -119,6 +119,7 @@ struct Written {
     several_materials: bool,
     #[serde(flatten)]
     make: WrittenMake,
+    bulk_density_kg_m3: Option<Range>,
     bulk_reason: Option<String>,
     confidence: f64,
 }
@@ -133,7 +134,6 @@ struct WrittenMake {
     fill_share: Option<Range>,
     /// Only in an answer about the whole object.
     filling_density_kg_m3: Option<Range>,
-    bulk_density_kg_m3: Option<Range>,
 }
 
 #[derive(Debug, Clone, Copy, Deserialize)]
@@ -228,9 +228,6 @@ fn make(
 fn form(written: &WrittenMake, flags: &mut Vec<String>) -> Result<Form, Problem> {
     match (written.form, written.wall_thickness_mm) {
         (WrittenForm::Solid, _) => Ok(Form::Solid),
-        (WrittenForm::Mixed, _) if written.bulk_density_kg_m3.is_none() => Err(Problem::invalid(
-            "form is \"mixed\" but bulk_density_kg_m3 is null; give the density of the whole part.".into(),
-        )),
         (WrittenForm::Mixed, _) => Ok(Form::Mixed),
         (WrittenForm::Shell, None) => {
             Err(Problem::invalid("form is \"shell\" but wall_thickness_mm is null; give the wall's thickness.".into()))
@@ -260,8 +257,12 @@ fn inside(written: &WrittenMake, library: &MaterialLibrary, flags: &mut Vec<Stri
 
 /// The density of a part. The density of a mixed part is that of the whole, which no material of the library bounds.
 fn density(written: &Written, material: &Material, family: &Family, flags: &mut Vec<String>) -> Result<Range, Problem> {
-    let bulk = matches!(written.make.form, WrittenForm::Mixed).then_some(written.make.bulk_density_kg_m3).flatten();
-    if let Some(said) = bulk {
+    if matches!(written.make.form, WrittenForm::Mixed) {
+        let said = written.bulk_density_kg_m3.ok_or_else(|| {
+            Problem::invalid(
+                "form is \"mixed\" but bulk_density_kg_m3 is null; give the density of the whole part.".to_owned(),
+            )
+        })?;
         return possible(&BULK_DENSITY, said, flags);
     }
     let name = "density in kg/m3";

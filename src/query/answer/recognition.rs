@@ -21,6 +21,10 @@ const MASS: Quantity = Quantity {
     unit: KG_PER_G,
     bounds: Range::new(1e-6, 1e6),
 };
+/// As for the density of a mixed part: no row of the library bounds it, since rows are found by words here, and the density of a
+/// foam or a wood does not follow from its name.
+const DENSITY: Quantity = Quantity { field: "density_kg_m3", name: "density in kg/m3", ..BULK_DENSITY };
+
 /// What a model says of the object as a whole.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Recognition {
@@ -177,6 +181,7 @@ struct WrittenChoice {
     material: String,
     #[serde(flatten)]
     make: WrittenMake,
+    density_kg_m3: Range,
 }
 
 #[derive(Debug, Deserialize)]
@@ -257,8 +262,7 @@ fn choice(
     let mut flags = Vec::new();
     let material = material(written, library, &mut flags)?;
     let (form, inside) = make(&written.make, library, &mut flags)?;
-    let bulk = written.make.bulk_density_kg_m3.filter(|_| form == Form::Mixed);
-    let density_kg_m3 = bulk.map_or(Ok(material.density_kg_m3), |said| possible(&BULK_DENSITY, said, &mut flags))?;
+    let density_kg_m3 = possible(&DENSITY, written.density_kg_m3, &mut flags)?;
     // The model counts from 1.
     let under: Vec<usize> = written.under.iter().filter_map(|place| place.checked_sub(1)).collect();
     if let Some(place) = under.iter().find(|place| **place >= hypotheses) {
@@ -272,7 +276,7 @@ fn choice(
             density_kg_m3,
             form,
             inside,
-            bulk_reason: bulk.map(|_| "as a whole, with all gaps".to_owned()),
+            bulk_reason: (form == Form::Mixed).then(|| "as a whole, with all gaps".to_owned()),
             confidence: written.probability.clamp(0.0, 1.0),
             flags,
             ..Answer::of(material)
@@ -345,7 +349,7 @@ mod tests {
         json!({
             "under": under, "probability": probability, "family": "metal", "material": material, "form": "solid",
             "wall_thickness_mm": null, "inside": null, "filling": null, "fill_share": null,
-            "filling_density_kg_m3": null, "bulk_density_kg_m3": null,
+            "filling_density_kg_m3": null, "density_kg_m3": [7700, 8100],
         })
     }
 
@@ -379,6 +383,7 @@ mod tests {
         assert_eq!([piece.probabilities(0), piece.probabilities(1)], [[1.0, 0.0], [0.0, 1.0]]);
         assert_eq!(piece.most_probable(&said.hypotheses), 0);
         assert!(piece.choices.iter().all(|choice| choice.answer.family == "metal"), "{piece:?}");
+        assert_eq!(piece.choices[0].answer.density_kg_m3, Range::new(7700.0, 8100.0), "as said, not the library's");
     }
 
     #[test]
