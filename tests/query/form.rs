@@ -4,12 +4,12 @@ use std::fs;
 
 use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
-use gprop::query::Prompts;
-use gprop::query::exchange;
+use gprop::query::ask::recognition::{self, Side};
+use gprop::query::{Prompts, Queries, exchange};
 use serde_json::{Value, json};
 
 use super::exchange::export;
-use super::{a, prepare, prepare_about, recordings, small, two_segments};
+use super::{View, a, prepare, prepare_about, recordings, small, two_segments, view};
 use crate::support::browser::Page;
 
 /// Seconds that a practised person needs to press a key and to decide on the next step, from the keystroke-level model
@@ -17,6 +17,9 @@ use crate::support::browser::Page;
 /// average non-secretary typist, and the mental preparation M.
 const KEY_S: f64 = 0.28;
 const DECIDE_S: f64 = 1.35;
+/// To point at something and click, and to move the hand between mouse and keyboard, from the same model.
+const CLICK_S: f64 = 1.1 + 0.2;
+const HAND_S: f64 = 0.4;
 /// Seconds to look at a picture before answering: an assumption.
 const LOOK_S: f64 = 4.0;
 
@@ -48,6 +51,44 @@ impl Page {
                   : node.inputMode === 'decimal' ? 'number' : node.matches('button') ? node.id : 'text'; })()",
         );
         focus.as_str().unwrap().to_owned()
+    }
+
+    /// The field that has the focus, or the id of the button.
+    fn field(&self) -> String {
+        let focus = "document.activeElement.closest('.field')?.dataset.name ?? document.activeElement.id";
+        self.evaluate(focus).as_str().unwrap().to_owned()
+    }
+
+    /// Types into an input of a field, in place of what it holds.
+    fn fill_in(&self, field: &str, end: usize, text: &str) {
+        self.evaluate(&format!(
+            "(() => {{ const input = document.querySelectorAll('[data-name=\"{field}\"] input')[{end}];
+               input.focus(); input.value = ''; }})()"
+        ));
+        self.type_keys(text);
+    }
+
+    fn choose_material(&self, choice: &str, words: &str) {
+        self.fill_in(&format!("{choice}.material"), 0, words);
+        self.enter();
+    }
+
+    fn choose(&self, field: &str, number: usize) {
+        self.evaluate(&format!("document.querySelectorAll('[name=\"{field}\"]')[{number}].click()"));
+    }
+
+    /// Clicks the button that adds an item to a list.
+    fn add_to(&self, list: &str) {
+        self.click(&format!("[data-name='{list}'] > div > .list > button"));
+    }
+
+    fn problem(&self, field: &str) -> String {
+        self.text(&format!("[data-name='{field}'] .problem"))
+    }
+
+    /// The answers that would be saved.
+    fn saved(&self) -> String {
+        self.evaluate("lines().join('')").as_str().unwrap().to_owned()
     }
 
     /// Answers the question on the page, field by field as the focus goes on; `words` finds the material.
@@ -174,4 +215,204 @@ fn the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed() {
     page.reload();
     page.wait_for("#fields input");
     assert_eq!(page.text("#state"), "1 of 2 answered", "what was typed is kept in the browser");
+}
+
+/// The question about the whole object that one view shows, exported, and its page.
+struct AboutObject {
+    home: tempfile::TempDir,
+    view: View,
+}
+
+impl AboutObject {
+    fn of(view: View) -> Self {
+        Self { home: tempfile::tempdir().unwrap(), view }
+    }
+
+    /// Does something with the prepared question.
+    fn prepared<R>(&self, act: impl FnOnce(&Queries) -> R) -> R {
+        let (prompts, options, library) = (Prompts::builtin(), small(), MaterialLibrary::builtin());
+        let map = &self.view.segments.map;
+        let side = Side { view: self.view.name, photo: &self.view.photo, map: Some(map) };
+        let numbers = map.ids();
+        let question = recognition::question(&[side], numbers, None, &prompts, library.clone(), &options).unwrap();
+        act(&Queries { whole: vec![&question], ..prepare(&[], &prompts, &options) })
+    }
+
+    fn page(&self, test: &str) -> Option<Page> {
+        let out = self.home.path().join("out");
+        let store = recordings(&self.home.path().join("recorded"));
+        assert_eq!(self.prepared(|queries| export(&out, queries, &store)), 1);
+        Page::open(test, &format!("file://{}", out.join("form.html").display()), "#fields input")
+    }
+
+    /// Checks that what the page saves is imported, and returns the answer.
+    fn imported(&self, page: &Page) -> Value {
+        page.focus("#name");
+        page.type_keys("Ada");
+        let (out, saved) = (self.home.path().join("out"), page.saved());
+        fs::write(out.join("answers.jsonl"), &saved).unwrap();
+        let store = recordings(&self.home.path().join("recorded"));
+        let imported = self.prepared(|queries| exchange::import(&out, None, queries, &store)).unwrap();
+        assert_eq!((imported.recorded, imported.unanswered), (1, 0), "{imported:?}\n{saved}");
+        assert_eq!(page.complaints(), Vec::<String>::new());
+        serde_json::from_str::<Value>(&saved).unwrap()["answer"].take()
+    }
+}
+
+#[test]
+fn a_mug_as_a_whole_is_answered_with_the_keyboard_in_a_minute() {
+    let object = AboutObject::of(two_segments("000", 80, 80));
+    let Some(page) = object.page("a_mug_as_a_whole_is_answered_with_the_keyboard_in_a_minute") else { return };
+    const CHOICE: &str = "pieces.0.choices.0";
+    let steps = [
+        ("object", "mug"),
+        ("printed", ""),
+        ("hypotheses.0.mass_g", "300"),
+        ("hypotheses.0.mass_g", "400"),
+        ("pieces.0.choices.0.material", "stonew"),
+        ("pieces.0.choices.0.form", "2"),
+        ("pieces.0.choices.0.wall_thickness_mm", "5"),
+        ("pieces.0.choices.0.wall_thickness_mm", ""),
+        ("pieces.0.choices.0.inside", "1"),
+        ("pieces.0.choices.0.density_kg_m3", ""),
+        ("pieces.0.choices.0.density_kg_m3", ""),
+    ];
+    let mut keys = 0;
+    for (field, text) in steps {
+        assert_eq!(page.field(), field);
+        let is_choice = [".form", ".inside"].iter().any(|end| field == format!("{CHOICE}{end}"));
+        keys += page.type_keys(text) + if is_choice { 0 } else { page.enter() };
+    }
+    assert_eq!((page.field().as_str(), page.text("#state").as_str()), ("done", "1 of 1 answered"));
+    let seconds = KEY_S * keys as f64 + DECIDE_S * steps.len() as f64 + LOOK_S;
+    println!("{keys} keys: {seconds:.0} s");
+    assert!(seconds < 60.0, "{seconds} s");
+
+    let answer = object.imported(&page);
+    let material = answer["pieces"][0]["choices"][0]["material"].as_str().unwrap();
+    let row = MaterialLibrary::builtin().get(material).unwrap();
+    let expected = json!({
+        "object": "mug", "printed": null, "printed_mass_g": null, "printed_volume_ml": null,
+        "hypotheses": [{ "what": "mug", "probability": 1, "mass_g": [300, 400] }],
+        "pieces": [{
+            "numbers": [1, 2], "caption": "mug",
+            "choices": [{
+                "under": [], "probability": 1, "family": row.family, "material": material, "form": "shell",
+                "wall_thickness_mm": [5, 5], "inside": "empty", "filling": null, "fill_share": null,
+                "filling_density_kg_m3": null,
+                "density_kg_m3": [row.density_kg_m3.low as u64, row.density_kg_m3.high as u64],
+            }],
+        }],
+        "unnumbered": [],
+    });
+    assert_eq!(answer, expected);
+}
+
+#[test]
+fn doubts_about_an_object_are_stated_and_what_is_impossible_is_refused() {
+    let object = AboutObject::of(two_segments("000", 80, 80));
+    let Some(page) = object.page("doubts_about_an_object_are_stated_and_what_is_impossible_is_refused") else { return };
+    page.fill_in("object", 0, "a full bottle");
+    page.fill_in("hypotheses.0.mass_g", 0, "540");
+    page.add_to("hypotheses");
+    page.fill_in("hypotheses.1.what", 0, "an empty one");
+    page.fill_in("hypotheses.1.probability", 0, "30");
+    let left = "document.querySelector('[data-name=\"hypotheses.0.probability\"] input').placeholder";
+    assert_eq!(page.evaluate(left), "70", "what is left");
+    page.fill_in("hypotheses.0.probability", 0, "60");
+    assert_eq!(page.problem("hypotheses.0.probability"), "10 % are left: together they make 100 %.");
+    page.fill_in("hypotheses.0.probability", 0, "80");
+    assert_eq!(page.problem("hypotheses.1.probability"), "10 % too much: together they make 100 %.");
+    page.fill_in("hypotheses.0.probability", 0, "70");
+    page.fill_in("hypotheses.1.mass_g", 0, "50");
+    page.fill_in("hypotheses.1.mass_g", 1, "20");
+    assert_eq!(page.problem("hypotheses.1.mass_g"), "The lowest number comes first.");
+
+    // A wall that is of plastic if it is full, and may be of steel if it is empty.
+    let [plastic, steel] = ["pieces.0.choices.0", "pieces.0.choices.1"];
+    page.choose_material(plastic, "abs");
+    page.choose(&format!("{plastic}.form"), 1);
+    let wall = format!("{plastic}.wall_thickness_mm");
+    page.fill_in(&wall, 0, "2000");
+    assert_eq!(page.problem(&wall), "Only 0.001 to 1,000 is possible.");
+    page.fill_in(&wall, 0, "2");
+    page.add_to("pieces.0.choices");
+    page.choose_material(steel, "stainless");
+    page.choose(&format!("{steel}.form"), 0);
+    page.click("[data-name='pieces.0.choices.1.under'] button:nth-child(2)");
+    page.fill_in(&format!("{steel}.probability"), 0, "20");
+
+    page.add_to("pieces");
+    page.choose_material("pieces.1.choices.0", "rubber");
+    page.choose("pieces.1.choices.0.form", 2);
+    page.add_to("unnumbered");
+    page.fill_in("unnumbered.0.what", 0, "a lead weight");
+    page.fill_in("unnumbered.0.mass_g", 0, "0");
+    page.fill_in("unnumbered.0.mass_g", 1, "5");
+
+    // What is lacking is marked, and not saved.
+    page.click("#done");
+    let lacking = page.evaluate("[...document.querySelectorAll('.lacking')].map((row) => row.dataset.name).join(' ')");
+    assert_eq!(lacking, "hypotheses.1.mass_g pieces.1.numbers pieces.1.choices.0.density_kg_m3");
+    assert!(page.saved().contains("\"answer\":null"));
+    page.fill_in("hypotheses.1.mass_g", 0, "15");
+    page.evaluate("document.querySelectorAll('[data-name=\"pieces.1.numbers\"] button')[1].click()");
+    page.fill_in("pieces.1.choices.0.density_kg_m3", 0, "900");
+    assert_eq!(page.text("#state"), "1 of 1 answered");
+    page.reload();
+    page.wait_for("#fields input");
+    let answer = object.imported(&page);
+    assert_eq!(answer["hypotheses"][0], json!({ "what": "a full bottle", "probability": 0.7, "mass_g": [540, 540] }));
+    assert_eq!(answer["hypotheses"][1]["mass_g"], json!([15, 20]));
+    let numbers: Vec<&Value> = answer["pieces"].as_array().unwrap().iter().map(|piece| &piece["numbers"]).collect();
+    assert_eq!(numbers, [&json!([1]), &json!([2])]);
+    let choices = answer["pieces"][0]["choices"].as_array().unwrap();
+    let stated: Vec<_> = choices.iter().map(|choice| (&choice["under"], &choice["probability"])).collect();
+    assert_eq!(stated, [(&json!([]), &json!(0.8)), (&json!([2]), &json!(0.2))]);
+    assert_eq!((&choices[0]["inside"], &choices[1]["inside"]), (&json!("not known"), &Value::Null));
+    assert_eq!(answer["pieces"][1]["choices"][0]["density_kg_m3"], json!([900, 900]));
+    let thing = json!({ "what": "a lead weight", "probability": 1, "panel": null, "at": null, "mass_g": [0, 5] });
+    assert_eq!(answer["unnumbered"], json!([thing]));
+
+    // What is taken out leaves nothing behind that refers to it.
+    page.evaluate("document.querySelectorAll('[data-name=hypotheses] .remove')[0].click()");
+    page.evaluate(
+        "document.querySelectorAll('[data-name=pieces] > div > .list > .item:last-of-type > .remove')[0].click()",
+    );
+    page.fill_in("hypotheses.0.mass_g", 0, "16");
+    let answer = object.imported(&page);
+    assert_eq!(answer["hypotheses"], json!([{ "what": "a full bottle", "probability": 1, "mass_g": [16, 20] }]));
+    assert_eq!(answer["pieces"].as_array().unwrap().len(), 1);
+    assert_eq!(answer["pieces"][0]["numbers"], json!([1, 2]));
+    assert!(answer["pieces"][0]["choices"].as_array().unwrap().iter().all(|choice| choice["under"] == json!([])));
+}
+
+#[test]
+fn twenty_eight_pieces_are_answered_in_five_minutes() {
+    const PIECES: u32 = 28;
+    let regions = |x: u32, y: u32| if (20..80).contains(&y) && x < 4 * PIECES { (x / 4 + 1) as u16 } else { 0 };
+    let object = AboutObject::of(view("000", (160, 120), 80, regions));
+    let Some(page) = object.page("twenty_eight_pieces_are_answered_in_five_minutes") else { return };
+    // The object, nothing printed, its mass, the first piece: six things to decide on, beside a look at each of four panels.
+    let mut keys = 0;
+    for text in ["a toy", "", "120", "200", "felt"] {
+        keys += page.type_keys(text) + page.enter();
+    }
+    keys += page.type_keys("1");
+    let object_s = 6.0 * DECIDE_S + 4.0 * LOOK_S;
+    for piece in 1..PIECES {
+        page.add_to("pieces");
+        page.click(&format!("[data-name='pieces.{piece}.numbers'] button:nth-child({})", piece + 1));
+        assert_eq!(page.field(), format!("pieces.{piece}.choices.0.material"), "a region is chosen on the way");
+        keys += page.type_keys(["abs", "brass", "felt"][piece as usize % 3]) + page.enter() + page.type_keys("1");
+    }
+    // Two clicks, the hand to the keyboard and back, and a region, a material and a form to decide on.
+    let pieces_s = f64::from(PIECES - 1) * (2.0 * CLICK_S + 2.0 * HAND_S + 3.0 * DECIDE_S);
+    let seconds = object_s + pieces_s + KEY_S * keys as f64;
+    println!("{keys} keys: {seconds:.0} s");
+    assert!(seconds < 300.0, "{seconds} s");
+    let answer = object.imported(&page);
+    let pieces = answer["pieces"].as_array().unwrap();
+    assert!((1..).zip(pieces).all(|(number, piece)| piece["numbers"] == json!([number])), "{answer}");
+    assert_eq!(pieces.len(), PIECES as usize);
 }

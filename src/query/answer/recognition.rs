@@ -6,7 +6,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{BULK_DENSITY, Problem, Quantity, WrittenMake, in_order, make, possible};
+use super::{
+    BULK_DENSITY, FILL_SHARE, FILLING_DENSITY, Problem, Quantity, WALL_THICKNESS, WrittenMake, in_order, make, possible,
+};
 use crate::materials::{Material, MaterialLibrary, fold};
 use crate::query::{Answer, Failure, Form};
 use crate::units::Range;
@@ -24,6 +26,22 @@ const MASS: Quantity = Quantity {
 /// As for the density of a mixed part: no row of the library bounds it, since rows are found by words here, and the density of a
 /// foam or a wood does not follow from its name.
 const DENSITY: Quantity = Quantity { field: "density_kg_m3", name: "density in kg/m3", ..BULK_DENSITY };
+
+/// The numbers that are possible in the fields of answers, in the fields' units: by the name of the field, or, if it differs from
+/// that, by its lists and its name, such as `unnumbered.mass_g`.
+pub fn limits() -> BTreeMap<&'static str, Range> {
+    let in_unit = |quantity: Quantity| {
+        let Quantity { field, unit, bounds, .. } = quantity;
+        (field, Range::new(bounds.low / unit, bounds.high / unit))
+    };
+    let (_, mass_g) = in_unit(MASS);
+    // A millilitre of most contents weighs about a gram.
+    let printed = [("printed_mass_g", mass_g), ("printed_volume_ml", mass_g)];
+    // Nothing may add next to nothing.
+    let unnumbered = ("unnumbered.mass_g", Range::new(0.0, mass_g.high));
+    let quantities = [WALL_THICKNESS, FILL_SHARE, FILLING_DENSITY, BULK_DENSITY, DENSITY, MASS];
+    quantities.map(in_unit).into_iter().chain(printed).chain([unnumbered]).collect()
+}
 
 /// What a model says of the object as a whole.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -116,6 +116,7 @@ fn subjects_of(view: &ViewSubjects, context: Context, sheet_size: u32) -> Result
                 id,
                 photo_sha256: photo_sha256.clone(),
                 mask: Mask::of_segment(map, id),
+                regions: Vec::new(),
                 sheet_sha256: sheet.pixels_sha256(),
                 sheet_size: sheet.picture.dimensions(),
                 jpeg: sheet.jpeg(),

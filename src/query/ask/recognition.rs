@@ -31,7 +31,7 @@ pub fn question(
     let Side { view, photo, map } = sides[0];
     let mask = map.map_or_else(|| Mask::of_foreground(&photo.foreground), Mask::of_regions);
     let sheet = Sheet::of_sides(sides, outer_size, options.sheet_size);
-    let shown = ShownSubject::new(view, WHOLE, photo, mask, &sheet);
+    let shown = ShownSubject { regions: numbers.clone(), ..ShownSubject::new(view, WHOLE, photo, mask, &sheet) };
     let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
     let prompt = prompts.object(&families.join("; "), &by_kind(&library))?;
     let (file, schema) = prompts.object_schema();

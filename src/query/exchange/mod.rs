@@ -18,7 +18,7 @@ use serde_json::Value;
 use crate::files;
 use crate::files::write::Folder;
 use crate::materials::MaterialLibrary;
-use crate::query::answer::{Problem, Unknown};
+use crate::query::answer::{Problem, Unknown, recognition};
 use crate::query::ask::queries::Queries;
 use crate::query::question::Question;
 use crate::query::question::shown_subject::ShownSubject;
@@ -135,14 +135,25 @@ pub fn export(
         let sheet = format!("sheets/{query}.jpg");
         write(folder, &sheet, &subject.jpeg)?;
         let Text { prompt, schema, index, .. } = &texts[&hashes(question)];
-        on_page.push((query.to_owned(), sheet.clone(), *index, part_of(subject)));
+        let part = part_of(subject);
+        on_page.push((
+            part,
+            FormQuestion {
+                query: query.to_owned(),
+                sheet: sheet.clone(),
+                text: *index,
+                part: format!("{}-{}", part.0, part.1),
+                regions: subject.regions.clone(),
+            },
+        ));
         push_line(&mut queries, &QuestionLine { query, sheet, prompt, schema });
         push_line(&mut answers, &AnswerLine { query: query.into(), answer: Value::Null, model: None });
         push_line(&mut origins, &OriginLine { query: query.into(), asked });
     }
     let mut manifest = String::new();
     push_line(&mut manifest, &Manifest { format: FORMAT, model: None, queries: names.len() });
-    on_page.sort_by_key(|(.., part)| *part);
+    on_page.sort_by_key(|(part, _)| *part);
+    let on_page: Vec<FormQuestion> = on_page.into_iter().map(|(_, question)| question).collect();
     let page = page(&on_page, &texts, library);
     let readme = include_str!("../../../prompts/export_readme.txt");
     let files = [
@@ -159,19 +170,8 @@ pub fn export(
     Ok(names.len())
 }
 
-/// The form for questions with their sheets, texts and parts.
-fn page(
-    queries: &[(String, String, usize, (usize, u16))],
-    texts: &BTreeMap<Hashes, Text>,
-    library: &MaterialLibrary,
-) -> String {
-    let queries = queries.iter().map(|(query, sheet, text, part)| FormQuestion {
-        query,
-        sheet: sheet.clone(),
-        text: *text,
-        part: format!("{}-{}", part.0, part.1),
-    });
-    let queries: Vec<_> = queries.collect();
+/// The form for questions with these texts.
+fn page(queries: &[FormQuestion], texts: &BTreeMap<Hashes, Text>, library: &MaterialLibrary) -> String {
     let mut texts: Vec<&Text> = texts.values().collect();
     texts.sort_by_key(|text| text.index);
     let texts: Vec<_> = texts
@@ -182,7 +182,7 @@ fn page(
     let materials: Vec<_> =
         materials.map(|material| FormMaterial { aliases: &material.aliases, fields: material.into() }).collect();
     let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
-    form::page(&queries, &texts, &materials, &fillings)
+    form::page(queries, &texts, &materials, &fillings, &recognition::limits())
 }
 
 /// The hashes of a question's prompt and schema, which tell questions apart.

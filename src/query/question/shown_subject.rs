@@ -14,6 +14,8 @@ pub struct ShownSubject {
     pub id: u16,
     pub photo_sha256: Sha256Hex,
     pub mask: Mask,
+    /// The numbers of the regions on the sheet, in order; none unless it shows the whole object with its regions.
+    pub regions: Vec<u16>,
     /// Hash of the sheet's pixels before JPEG.
     pub sheet_sha256: Sha256Hex,
     /// Width and height of the sheet.
@@ -30,6 +32,7 @@ impl ShownSubject {
             id,
             photo_sha256: Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw()),
             mask,
+            regions: Vec::new(),
             sheet_sha256: sheet.pixels_sha256(),
             sheet_size: sheet.picture.dimensions(),
             jpeg: sheet.jpeg(),
