@@ -77,11 +77,11 @@ fn solids_weigh_what_they_enclose() {
         MaterialField::known(vec![label(1, Form::Solid)], vec![0; gaussians.len()])
     });
     assert_weighs(exact.object.mass_kg, PI / 6.0);
-    // The volume of a closed mesh is exact, and the density of this field too.
-    assert_eq!(
-        (exact.object.mass_kg.low, exact.object.mass_kg.high),
-        (exact.object.mass_kg.mid, exact.object.mass_kg.mid)
-    );
+    // A mesh shows a surface to 0.5 % of its length: 3 % of a ball's volume. The density of this field is exact.
+    let Estimate { low, mid, high } = exact.object.mass_kg;
+    for ratio in [mid / low, high / mid] {
+        assert!((ratio - 1.03).abs() < 0.001, "{:?}", exact.object.mass_kg);
+    }
     // The grid does not matter.
     let coarse = Options { volume_cells: 20_000, ..Options::default() };
     let coarse = measured_with(&ball, &coarse, |gaussians| {
