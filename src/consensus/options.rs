@@ -52,9 +52,9 @@ impl Default for Options {
 #[serde(rename_all = "snake_case")]
 pub enum AskAbout {
     /// The object first: one question, with all of its parts numbered in one picture from several sides
+    #[default]
     Object,
     /// The parts of the object, found in 3D from the segments of all views, each in the views that show it best
-    #[default]
     Parts,
     /// As in the paper: every segment of every view
     Segments,

@@ -50,7 +50,7 @@ mod tests {
         assert_eq!((paper.vote.vote, paper.vote.agree), (Rule::Frequency, Agreement::Gaussian));
         assert_eq!(paper.grasp.max_curvature, Some(crate::grasp::curvature::PAPER_1_M));
         let default = Preset::Parts.options();
-        assert_eq!((default.consensus.ask, default.segment.level), (AskAbout::Parts, None));
+        assert_eq!((default.consensus.ask, default.segment.level), (AskAbout::Object, None));
     }
 
     #[test]

@@ -17,8 +17,9 @@ pub use crate::query::question::sheet::Context;
 const SHEET_SIZE: u32 = 1536;
 /// The environment variable in which programs look for the key of a server with OpenAI's API.
 pub const KEY_VARIABLE: &str = "OPENAI_API_KEY";
-/// Tokens an answer may take: nineteen fields need about 370; the rest is room for models that think aloud.
-const MAX_TOKENS: u32 = 2000;
+/// Tokens an answer may take: that about a part needs about 370, that about an object 300 to 2,500, depending on its pieces; the
+/// rest is room for models that think aloud.
+const MAX_TOKENS: u32 = 4000;
 const PARALLEL: usize = 4;
 const TIMEOUT_S: u64 = 120;
 /// A server that asks for a longer wait is as good as down.

@@ -129,7 +129,7 @@ fn parameters_that_a_model_refuses_are_put_otherwise() {
     });
     server.ask().unwrap();
     let last = server.requests().pop().unwrap();
-    assert_eq!(last["max_completion_tokens"], 2000);
+    assert_eq!(last["max_completion_tokens"], 4000);
     assert_eq!(last["response_format"]["type"], "json_schema", "the schema stays");
 }
 

@@ -81,7 +81,7 @@ fn a_server_that_always_fails_is_asked_a_handful_of_times_and_its_failure_is_tol
 #[test]
 fn what_may_have_been_billed_stays_within_max_usd_however_a_server_fails() {
     // Enough for two requests of the highest cost and a half.
-    let limit = 2.5 * (1000.0 * 2.5e-6 + 2000.0 * 10e-6);
+    let limit = 2.5 * (1000.0 * 2.5e-6 + 4000.0 * 10e-6);
     for Case { name, response, .. } in cases() {
         let server = Server::new(move |_, _, _| response.clone());
         let (result, budget) = ask_about(25, &Options { lmm_retries: 2, max_usd: Some(limit), ..server.options() });

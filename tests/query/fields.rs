@@ -100,7 +100,7 @@ fn an_answer_is_recorded_for_its_fields_and_without_them() {
 
 /// The limits that a request sets.
 fn limits(body: &Value) -> [bool; 2] {
-    ["max_tokens", "max_completion_tokens"].map(|name| body[name] == 2000)
+    ["max_tokens", "max_completion_tokens"].map(|name| body[name] == 4000)
 }
 
 /// Asks twice; returns the limits of each request.
@@ -125,7 +125,7 @@ fn reasoning_is_limited_whichever_limit_the_server_knows() {
     assert_eq!(limits_of_two(&not_both), [[true, true], [false, true], [false, true]]);
     // Mistral, whose errors are FastAPI's.
     let forbidden = json!({ "detail": [{ "type": "extra_forbidden", "loc": ["body", "max_completion_tokens"],
-                                         "msg": "Extra inputs are not permitted", "input": 2000 }] });
+                                         "msg": "Extra inputs are not permitted", "input": 4000 }] });
     let old_name = Server::new(move |_, body, _| match limits(body) {
         [_, true] => crate::support::server::Response::new(422).json(&forbidden),
         _ => ok(&good_answer(a("wood")).to_string()),

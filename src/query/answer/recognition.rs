@@ -315,7 +315,10 @@ fn material<'a>(
             written.family
         ))
     })?;
-    if let Some(exact) = library.get(name).filter(|material| material.family == family.name) {
+    if let Some(exact) = library.get(name) {
+        if exact.family != family.name {
+            flags.push(format!("{} is of the family {}, not {}", exact.name, exact.family, family.name));
+        }
         return Ok(exact);
     }
     // Names are the model's own here, often with words about the part in them: any material of the family that shares a word is
@@ -413,6 +416,7 @@ mod tests {
         };
         assert!(material("carbon steel, medium to high carbon (aisi 1060)").unwrap().contains("carbon"));
         assert!(material("steel chuck body and jaws in a polyamide sleeve").unwrap().contains("steel"));
+        assert_eq!(material("thermoplastic polyurethane").unwrap(), "tpu 85a", "the name counts, not the family beside it");
         assert!(material("unobtainium").unwrap_err().contains("is not known among those of the family metal"));
     }
 
