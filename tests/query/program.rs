@@ -335,7 +335,7 @@ fn a_kill_loses_no_answer() {
         let delay = if silent { Duration::from_secs(3600) } else { Duration::ZERO };
         ok(&good_answer_about_part(a("wood")).to_string()).delay(delay)
     });
-    let one_by_one = [ONE_VIEW, &["--lmm-parallel", "1"]].concat();
+    let one_by_one = [ONE_VIEW, &["--lmm-parallel", "1", "--ask", "parts"]].concat();
     let mut command = query(scene.path(), Some(&server), &one_by_one);
     let mut child = command.stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
     while server.requests().len() < 3 {
