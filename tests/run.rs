@@ -288,11 +288,12 @@ fn every_question_about_the_other_fixtures_has_a_recorded_answer() {
     }
     for name in ["mug", "table_lamp", "chair"] {
         let out = TempDir::new().unwrap();
-        let mut query = gprop();
-        let output =
-            query.arg("query").arg(fixture(name)).args(["--answers", "replay", "--out"]).arg(out.path()).output();
-        let output = output.unwrap();
-        assert!(output.status.success(), "{name}: {}", stderr(&output));
+        for about in ["object", "parts"] {
+            let mut query = gprop();
+            query.arg("query").arg(fixture(name)).args(["--answers", "replay", "--ask", about]);
+            let output = query.arg("--out").arg(out.path()).output().unwrap();
+            assert!(output.status.success(), "{name}, {about}: {}", stderr(&output));
+        }
     }
 }
 
