@@ -21,8 +21,8 @@ use crate::query::client::{self, ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Imported};
 use crate::query::recorded::{Answerer, Recordings};
 use crate::query::{
-    Answers, AnyWholeQuestion, DirectGuess, Options, Outcome, Piece, Preview, Prompts, Purpose, Queries, Recognition,
-    ShownSubject, Side, Size, SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeQuestion,
+    Answers, AnyWholeQuestion, DirectGuess, Options, Outcome, Piece, Preview, Prompts, Purpose, Queries, QueryError,
+    Recognition, ShownSubject, Side, Size, SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeQuestion,
 };
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
@@ -238,7 +238,8 @@ impl<'a> QuerySession<'a> {
 
     /// As [`Self::answer_all`]. If the size of the object is to be asked, that question comes first, and `of_size` converts
     /// its answer; if it fails, the run ends before it costs more. If it is to be asked what the object is, that question
-    /// follows, and parts are asked about only if it has no answer.
+    /// follows, and parts are asked about only if it has no answer; where nobody can be asked, answers about parts that are
+    /// recorded serve instead.
     pub fn answer_with_size<T>(
         &self,
         begin: &dyn Fn(&Queries) -> Result<()>,
@@ -258,7 +259,10 @@ impl<'a> QuerySession<'a> {
         let recognition = self.whole.recognition.as_ref();
         let recognition =
             recognition.map(|what| object.ask_whole(what, &self.recordings, asker, &budget, self.progress));
-        let recognition = recognition.transpose()?;
+        let recognition = match recognition.transpose() {
+            Err(QueryError::MissingWhole { .. }) if self.parts_are_recorded()? => None,
+            recognition => recognition?,
+        };
         let recognized = recognition.as_ref().and_then(|answer| answer.outcome.answered());
         let answers = match recognized {
             Some(recognized) => self.of_pieces(recognized),
@@ -272,6 +276,13 @@ impl<'a> QuerySession<'a> {
             progress::notice(&format!("asked: {spent}{about}"));
         }
         Ok(Answered { answers, size, recognition })
+    }
+
+    /// Whether the first questions about the subjects all have a recorded answer.
+    fn parts_are_recorded(&self) -> Result<bool> {
+        let round = self.prepare(&self.due(&BTreeMap::new()))?;
+        let recorded = round.recorded(&self.recordings, None);
+        Ok(!recorded.is_empty() && recorded.iter().all(Option::is_some))
     }
 
     /// The answers about the subjects, round by round.

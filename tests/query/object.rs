@@ -78,15 +78,17 @@ fn ball(object: impl Fn(&[u16]) -> Value + Send + Sync + 'static) -> Asked {
 }
 
 fn run(balls: &Balls, more: &[&str]) -> Output {
+    run_asking(balls, "object", more)
+}
+
+fn run_asking(balls: &Balls, about: &str, more: &[&str]) -> Output {
     let mut command = gprop();
-    command.env_remove("OPENAI_API_KEY").arg("run").arg(balls.scene(0)).args(["--ask", "object"]);
+    command.env_remove("OPENAI_API_KEY").arg("run").arg(balls.scene(0)).args(["--ask", about]);
     command.args(FEW).args(more).output().unwrap()
 }
 
 fn ask(balls: &Balls, more: &[&str]) -> Output {
-    let server = balls.answers();
-    let more: Vec<&str> = server.iter().map(String::as_str).chain(more.iter().copied()).collect();
-    run(balls, &more)
+    run(balls, &[balls.answers().each_ref().map(String::as_str).as_slice(), more].concat())
 }
 
 fn said(output: &Output) -> String {
@@ -164,6 +166,24 @@ fn an_object_that_is_not_recognized_is_asked_about_part_by_part() {
     assert!(said(&output).contains("the model did not say what the object is"), "{}", said(&output));
     assert!(count.load(Ordering::SeqCst) > 2, "the question, its correction, and those about the part");
     assert!(parts(&balls)["belief"].is_null());
+}
+
+#[test]
+fn answers_about_parts_serve_where_nobody_can_be_asked() {
+    let Asked { balls, count } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
+    let server = balls.answers();
+    let about_parts = run_asking(&balls, "parts", server.each_ref().map(String::as_str).as_slice());
+    assert!(about_parts.status.success(), "{}", said(&about_parts));
+    let asked = count.load(Ordering::SeqCst);
+    let offline = run(&balls, &[]);
+    assert!(offline.status.success(), "{}", said(&offline));
+    assert!(said(&offline).contains("what the object is has no recorded answer"), "{}", said(&offline));
+    assert!(parts(&balls)["belief"].is_null());
+    assert_eq!(count.load(Ordering::SeqCst), asked);
+    // With somebody to ask, the object is asked about.
+    assert!(ask(&balls, &[]).status.success());
+    assert_eq!(count.load(Ordering::SeqCst), asked + 1);
+    assert!(!parts(&balls)["belief"].is_null());
 }
 
 #[test]

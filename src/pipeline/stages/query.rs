@@ -108,7 +108,9 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
         outputs.extend([Artifact::Size, whole_sheet(Purpose::Size, &file.answer.view)]);
     }
     let digest = Hasher::new("answers").with(jsonl.as_bytes()).with_json(&file).with_json(&recognition).hex();
-    let done = Done::writing(outputs).warning(warnings).noting(notes(&answers));
+    let served = (open.options.consensus.ask == AskAbout::Object && recognition.is_none())
+        .then(|| "what the object is has no recorded answer; those about its parts are used".to_owned());
+    let done = Done::writing(outputs).warning(warnings).noting(notes(&answers).into_iter().chain(served).collect());
     // Recordings are part of the key, and asking may have added some.
     Ok(Done { digest: Some(digest), key: Some(key(open, job.inputs.clone())?), ..done })
 }

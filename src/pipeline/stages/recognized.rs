@@ -13,7 +13,8 @@ impl Stored for Recognized {
     const STAGE: Stage = Stage::Query;
 
     fn load(open: &OpenScene) -> Result<Self> {
-        if open.options.consensus.ask != AskAbout::Object {
+        // Where answers about the parts served, there is no file.
+        if open.options.consensus.ask != AskAbout::Object || !open.work.path(Artifact::Object).exists() {
             return Ok(Self(None));
         }
         let answer: WholeAnswer<Recognition> = open.work.read_json(Artifact::Object)?;

@@ -416,7 +416,11 @@ mod tests {
         };
         assert!(material("carbon steel, medium to high carbon (aisi 1060)").unwrap().contains("carbon"));
         assert!(material("steel chuck body and jaws in a polyamide sleeve").unwrap().contains("steel"));
-        assert_eq!(material("thermoplastic polyurethane").unwrap(), "tpu 85a", "the name counts, not the family beside it");
+        assert_eq!(
+            material("thermoplastic polyurethane").unwrap(),
+            "tpu 85a",
+            "the name counts, not the family beside it"
+        );
         assert!(material("unobtainium").unwrap_err().contains("is not known among those of the family metal"));
     }
 
