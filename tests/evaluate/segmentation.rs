@@ -34,7 +34,7 @@ fn a_scene_with_recorded_answers_gives_the_table_and_its_pictures() {
     true_segments("mug", &VIEWS, segments.path());
     let mut run = gprop();
     run.arg("vote").arg(&scene).arg("--segments").arg(segments.path()).args(["--view-list", &VIEWS.join(",")]);
-    let run = run.args(["--ask-views", "2", "-q", "--out"]).arg(work.path()).output().unwrap();
+    let run = run.args(["--ask", "parts", "--ask-views", "2", "-q", "--out"]).arg(work.path()).output().unwrap();
     assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
     let output = evaluate(&[
         "segmentation",
