@@ -37,7 +37,8 @@ fn hostile_run() -> Option<&'static Path> {
             let path = entry.unwrap().path();
             let mut recording: Value = serde_json::from_slice(&fs::read(&path).unwrap()).unwrap();
             let mut answer: Value = serde_json::from_str(recording["response"].as_str().unwrap()).unwrap();
-            let caption = answer["caption"].as_str().unwrap();
+            // The answer about the whole object, which a run on one view does not ask for, has none.
+            let Some(caption) = answer["caption"].as_str() else { continue };
             answer["caption"] = json!(format!("{HOSTILE}; {caption}"));
             recording["response"] = json!(answer.to_string());
             fs::write(&path, recording.to_string()).unwrap();
