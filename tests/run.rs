@@ -275,7 +275,7 @@ fn a_missing_recording() {
     fs::remove_dir_all(scene.path().join("recorded")).unwrap();
     give_segments(&scene.path().join("gprop"));
     let arguments = [QUICK, &["--answers", "replay"]].concat();
-    assert_refused(scene.path(), &arguments, 5, &["view 003", "--export"]);
+    assert_refused(scene.path(), &arguments, 5, &["view 022", "--export"]);
     assert!(scene.path().join("gprop/segments/003.png").exists(), "what was done before stays");
 }
 
