@@ -1,6 +1,6 @@
 //! Separates the object's Gaussians from those of the room around it.
 //!
-//! The user may give a box around the object, or choose one of the things that stand on a table ([`standing`]). Otherwise, if
+//! The user may give a box around the object, or choose one of the things that stand on a table (`standing`). Otherwise, if
 //! the photos have alpha or masks, the splat is taken to show the object alone; if not, the object is the densest cluster that
 //! the cameras look at (`cluster`), above what it stands on (`support`).
 

@@ -2,7 +2,7 @@
 //!
 //! 1. [`Surface`]: where the support's Gaussians really lie. A trained surface is as thick as the photos leave it in doubt;
 //!    what is higher than a few times its spread is not the surface.
-//! 2. [`clusters`]: opaque Gaussians above it whose voxels touch.
+//! 2. [`Region::clusters`]: opaque Gaussians above it whose voxels touch.
 //! 3. [`Region::stands_on`]: clusters with the support around them are objects; walls, the edge of the table, what stands behind it,
 //!    and what reaches out of the region that the cameras look at are parts of the room. A cluster that hovers over an object
 //!    belongs to it.
