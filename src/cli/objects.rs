@@ -9,7 +9,7 @@ use crate::exit;
 use crate::export::{Format, Table, compose_mjcf};
 use crate::objects::{self, Objects, SomeFailed};
 use crate::pipeline::{Stage, work_folder_of};
-use crate::scene::{ObjectChoice, ObjectNumber, SceneError, StandingObjects};
+use crate::scene::{ObjectChoice, ObjectNumber, StandingObjects};
 use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
 
@@ -60,7 +60,7 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
     if !run.simulates {
         scene::check_without_simulation(run.to)?;
     }
-    require_objects(found)?;
+    found.require_any()?;
     if work.options.parts.known_mass.is_some() {
         let problem = "--known-mass is the mass of one object; say of which with --object N";
         return Err(UsageError(problem.to_owned()).into());
@@ -156,7 +156,7 @@ fn for_object(global: &Global, number: ObjectNumber) -> Global {
 pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     let formats = scene::formats(args)?;
     let found = StandingObjects::find(&args.scene, &args.options.scene)?;
-    require_objects(&found)?;
+    found.require_any()?;
     let (mut files, mut names) = (Vec::new(), Vec::new());
     let mut meters_per_unit = 1.0;
     for number in ObjectNumber::first(found.count) {
@@ -177,12 +177,4 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
         files.insert(0, composed);
     }
     scene::print_files(global, &files)
-}
-
-/// Fails if there are no objects.
-fn require_objects(found: &StandingObjects) -> Result<(), SceneError> {
-    match found.count {
-        0 => Err(SceneError::NoSupport("nothing stands on the surface that the cameras look at")),
-        _ => Ok(()),
-    }
 }

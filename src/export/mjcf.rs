@@ -88,26 +88,34 @@ fn scene(rigid: &Rigid) -> String {
         r#"<mujoco model="{name} on a floor">
   <include file="{name}.xml"/>
   <statistic center="{at}" extent="{size}"/>
-  <visual>
-    <headlight ambient="0.35 0.35 0.35" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
-    <rgba haze="0.85 0.88 0.92 1"/>
-    <global azimuth="125" elevation="-25" offwidth="1280" offheight="960"/>
-  </visual>
-  <asset>
-    <texture type="skybox" builtin="gradient" rgb1="0.9 0.93 0.96" rgb2="0.6 0.65 0.7" width="256" height="1536"/>
-    <texture name="floor" type="2d" builtin="checker" rgb1="0.8 0.8 0.8" rgb2="0.72 0.72 0.72" width="256" height="256"/>
-    <material name="floor" texture="floor" texuniform="true" texrepeat="10 10" reflectance="0.05"/>
-  </asset>
-  <worldbody>
+{look}  <worldbody>
     <light pos="{light}" dir="{down}" directional="true" diffuse="0.5 0.5 0.5" castshadow="true"/>
     <geom name="floor" type="plane" size="0 0 0.05" pos="0 0 {floor}" material="floor"/>
   </worldbody>
 </mujoco>
 "#,
         name = rigid.name,
+        look = look("floor"),
         floor = low.z,
         light = spaced([middle.x + size, middle.y - size, middle.z + 3.0 * size]),
         down = "-0.3 0.3 -0.9",
+    )
+}
+
+/// The light, the sky and the material of a `plane` that things stand on.
+fn look(plane: &str) -> String {
+    format!(
+        r#"  <visual>
+    <headlight ambient="0.35 0.35 0.35" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
+    <rgba haze="0.85 0.88 0.92 1"/>
+    <global azimuth="125" elevation="-25" offwidth="1280" offheight="960"/>
+  </visual>
+  <asset>
+    <texture type="skybox" builtin="gradient" rgb1="0.9 0.93 0.96" rgb2="0.6 0.65 0.7" width="256" height="1536"/>
+    <texture name="{plane}" type="2d" builtin="checker" rgb1="0.8 0.8 0.8" rgb2="0.72 0.72 0.72" width="256" height="256"/>
+    <material name="{plane}" texture="{plane}" texuniform="true" texrepeat="10 10" reflectance="0.05"/>
+  </asset>
+"#
     )
 }
 
@@ -116,23 +124,14 @@ pub(super) fn table(name: &str, bodies: &[String], height_m: f64) -> String {
     let include = |body: &String| format!("  <include file=\"{body}.xml\"/>\n");
     format!(
         r#"<mujoco model="{name}">
-{includes}  <visual>
-    <headlight ambient="0.35 0.35 0.35" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
-    <rgba haze="0.85 0.88 0.92 1"/>
-    <global azimuth="125" elevation="-25" offwidth="1280" offheight="960"/>
-  </visual>
-  <asset>
-    <texture type="skybox" builtin="gradient" rgb1="0.9 0.93 0.96" rgb2="0.6 0.65 0.7" width="256" height="1536"/>
-    <texture name="support" type="2d" builtin="checker" rgb1="0.8 0.8 0.8" rgb2="0.72 0.72 0.72" width="256" height="256"/>
-    <material name="support" texture="support" texuniform="true" texrepeat="10 10" reflectance="0.05"/>
-  </asset>
-  <worldbody>
+{includes}{look}  <worldbody>
     <light pos="0 0 3" dir="-0.3 0.3 -0.9" directional="true" diffuse="0.5 0.5 0.5" castshadow="true"/>
     <geom name="support" type="plane" size="0 0 0.05" pos="0 0 {height_m}" material="support"/>
   </worldbody>
 </mujoco>
 "#,
         includes = bodies.iter().map(include).collect::<String>(),
+        look = look("support"),
     )
 }
 

@@ -16,8 +16,8 @@ use serde::Serialize;
 
 use crate::error::Result;
 use crate::parts::Parts;
-use crate::query::{Recognition, WholeAnswer, WholeOutcome};
-use crate::scene::{ObjectNumber, Options, SceneError, StandingObjects, Up};
+use crate::query::{Recognition, WholeAnswer};
+use crate::scene::{ObjectNumber, Options, StandingObjects, Up};
 use crate::units::Estimate;
 use crate::words::output::{counted, thousands};
 use crate::words::progress::Progress;
@@ -191,10 +191,7 @@ impl Object {
 /// What the model took an object for, if it was asked.
 fn caption(folder: &Path) -> Option<String> {
     let answer: WholeAnswer<Recognition> = workdir::read_json(&folder.join(Artifact::Object.path())).ok()?;
-    match answer.outcome {
-        WholeOutcome::Answered(recognized) => Some(recognized.object),
-        _ => None,
-    }
+    answer.outcome.answered().map(|recognized| recognized.object.clone())
 }
 
 /// The mass that a run found, if the scale was known.
@@ -209,9 +206,7 @@ fn mass_kg(folder: &Path) -> Option<Estimate> {
 /// As [`StandingObjects::find`] and [`Objects::look`].
 pub fn command(args: &Args, work: &Path, progress: Progress) -> Result<Objects> {
     let found = StandingObjects::find(&args.scene, &args.options)?;
-    if found.count == 0 {
-        return Err(SceneError::NoSupport("nothing stands on the surface that the cameras look at").into());
-    }
+    found.require_any()?;
     let work = WorkDir::open(work)?;
     let objects = Objects::look(&found, &work, progress)?;
     objects.write(&work)?;

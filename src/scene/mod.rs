@@ -314,6 +314,15 @@ impl StandingObjects {
         }
     }
 
+    /// # Errors
+    /// If there are no objects.
+    pub fn require_any(&self) -> Result<(), SceneError> {
+        match self.count {
+            0 => Err(SceneError::NoSupport("nothing stands on the surface that the cameras look at")),
+            _ => Ok(()),
+        }
+    }
+
     /// The Gaussians of an object, in the world's frame.
     pub fn gaussians_of(&self, object: ObjectNumber) -> Gaussians {
         self.kept(self.gaussians.clone(), object)

@@ -142,9 +142,9 @@ impl OfMesh {
 /// The interval of a mesh's volume: by what is open or crosses itself, and by [`SURFACE_ERROR`].
 fn volume_effect(mesh: &Measured) -> Effect {
     let (low, high) = mesh.bounds();
-    let slack = mesh.solid.shell.area * SURFACE_ERROR * (high - low).max();
+    let (volume, slack) = (mesh.solid.volume.mid, mesh.solid.shell.area * SURFACE_ERROR * (high - low).max());
     // The same factor up and down: a wall thinner than the error is not gone.
-    let surface = (slack / mesh.solid.volume.mid).ln_1p();
+    let surface = if volume > 0.0 { (slack / volume).ln_1p() } else { 0.0 };
     let Effect { low, high } = Effect::of(mesh.solid.volume);
     Effect { low: -low.hypot(surface), high: high.hypot(surface) }
 }
