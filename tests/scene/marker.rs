@@ -294,6 +294,17 @@ fn the_scene_stage_finds_the_marker_and_later_stages_use_it() {
     let (_, inspected, _) = run(&["inspect", "--json"]);
     let inspected: Value = serde_json::from_str(&inspected).unwrap();
     assert_eq!(inspected["scale"], views["scale"]);
+    // A sheet that says how large the object is has a line more.
+    let height_of_sheet = |name: &str, scale: &[&str]| {
+        let questions = folder.path().join(name);
+        let (code, _, told) = run(&[&["query", "--direct", "--export", questions.to_str().unwrap()], scale].concat());
+        assert_eq!(code, Some(0), "{told}");
+        let sheet = std::fs::read_dir(questions.join("sheets")).unwrap().next().unwrap().unwrap().path();
+        image::image_dimensions(sheet).unwrap().1
+    };
+    let without = height_of_sheet("without", &["--scale", "auto"]);
+    let with = height_of_sheet("with", &[]);
+    assert!(with > without, "{with} {without}");
 
     std::fs::write(folder.path().join("gprop.toml"), "scale = \"apriltag:36h11,8=6cm\"\n").unwrap();
     let (code, _, told) = run(&["run", "--to", "scene"]);

@@ -173,7 +173,7 @@ pub fn session<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a O
         size: if asks_size { fullest_view(open) } else { None },
         recognition,
         direct: Vec::new(),
-        outer_size: outer_size(open),
+        outer_size: outer_size(open)?,
     };
     asking(open, options, Subjects { views, subjects, ask_views, about: about.about(), whole })
 }
@@ -183,7 +183,7 @@ pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
     let view = |view: &'a View| Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: Vec::new() });
     let views = open.views.iter().map(view).collect::<Result<_>>()?;
     let direct = sides(open, &vec![&LabelMap::default(); open.views.len()], SIDES_OF_GUESS);
-    let whole = WholeViews { direct, outer_size: outer_size(open), ..WholeViews::default() };
+    let whole = WholeViews { direct, outer_size: outer_size(open)?, ..WholeViews::default() };
     let subjects = Subjects { views, subjects: Vec::new(), ask_views: 1, about: AskAbout::Object, whole };
     asking(open, &open.options.query, subjects)
 }
@@ -207,12 +207,14 @@ fn sides(open: &OpenScene, maps: &[&LabelMap], most: usize) -> Vec<usize> {
     fullest_view(open).map_or_else(Vec::new, |first| consensus::sides::sides(&cameras, center, maps, first, most))
 }
 
-/// The outer size of the object in words, if the scale is known from the scene: a model knows what such things weigh.
-fn outer_size(open: &OpenScene) -> Option<String> {
+/// The outer size of the object in words, if the scale is known before anyone is asked: a model knows what such things weigh.
+fn outer_size(open: &OpenScene) -> Result<Option<String>> {
     const CM_PER_M: f64 = 100.0;
-    let scale = open.scene.scale.as_ref()?.meters_per_unit;
-    let [a, b, c] = least_box(&open.scene.gaussians).map(|side| significant(side * scale * CM_PER_M));
-    Some(format!("outer size {a} x {b} x {c} cm"))
+    Ok(scene::scale(open)?.map(|scale| {
+        let in_cm = |side| significant(side * scale.meters_per_unit * CM_PER_M);
+        let [a, b, c] = least_box(&open.scene.gaussians).map(in_cm);
+        format!("outer size {a} x {b} x {c} cm")
+    }))
 }
 
 /// Estimates what a query would send, and its cost.
