@@ -54,26 +54,44 @@ fn block(low: [f32; 3], high: [f32; 3], color: [f32; 3]) -> Vec<Blob> {
     blobs
 }
 
+/// The colour of the table's cloth at a place.
+fn cloth(x: f32, y: f32) -> [f32; 3] {
+    [0.5 + 0.2 * (7.0 * x).sin() * (9.0 * y).cos(), 0.6, 0.4]
+}
+
+/// A table that reaches from -1 to `end` along both axes.
+fn table_top(end: f32) -> Vec<Blob> {
+    let at = |x: f32, y: f32| Blob {
+        color: cloth(x, y),
+        scale: [0.025, 0.025, 0.002],
+        ..Blob::round([x, y, 0.0], 0.025, 0.95)
+    };
+    grid(-1.0, end, 0.04).flat_map(|x| grid(-1.0, end, 0.04).map(move |y| at(x, y))).collect()
+}
+
 /// A brick and a cup with a saucer that hovers over it on a table; a wall that stands on the table's edge; a sack beside the table,
-/// on the floor; crumbs on the table. For each Gaussian, the thing that it shows.
+/// on the floor; crumbs on the table; a wrinkle of its cloth. For each Gaussian, the thing that it shows.
 fn things() -> (Vec<Blob>, Vec<u32>) {
-    let top = grid(-1.0, 1.0, 0.04).flat_map(|x| {
-        grid(-1.0, 1.0, 0.04).map(move |y| {
-            let shade = 0.5 + 0.2 * (7.0 * x).sin() * (9.0 * y).cos();
-            Blob { color: [shade, 0.6, 0.4], scale: [0.025, 0.025, 0.002], ..Blob::round([x, y, 0.0], 0.025, 0.95) }
-        })
+    let wrinkle = block([0.1, 0.2, 0.0], [0.4, 0.3, 0.02], [0.0; 3]).into_iter().map(|blob| {
+        let [x, y, _] = blob.position;
+        Blob { color: cloth(x, y), ..blob }
     });
     let cup = block([-0.5, -0.1, 0.01], [-0.34, 0.06, 0.15], [0.2, 0.3, 0.8]);
     let lid = block([-0.48, -0.08, 0.25], [-0.36, 0.04, 0.27], [0.2, 0.3, 0.8]);
     let all = [
-        (NOTHING, top.collect()),
+        (NOTHING, table_top(1.0)),
         (BRICK, block([0.1, -0.3, 0.01], [0.5, -0.1, 0.21], [0.8, 0.3, 0.2])),
         (CUP, cup),
         (CUP, lid),
         (NOTHING, block([-0.9, 1.0, 0.01], [0.9, 1.04, 0.8], [0.9, 0.9, 0.8])),
         (NOTHING, block([1.2, 0.0, -0.4], [1.5, 0.3, 0.1], [0.4, 0.4, 0.1])),
         (NOTHING, block([0.3, 0.4, 0.01], [0.32, 0.42, 0.03], [0.9, 0.9, 0.2])),
+        (NOTHING, wrinkle.collect()),
     ];
+    together(all)
+}
+
+fn together<const N: usize>(all: [(u32, Vec<Blob>); N]) -> (Vec<Blob>, Vec<u32>) {
     let (mut blobs, mut thing_of) = (Vec::new(), Vec::new());
     for (thing, of_thing) in all {
         thing_of.extend(std::iter::repeat_n(thing, of_thing.len()));
@@ -101,9 +119,12 @@ struct Table {
 
 impl Table {
     fn new() -> Self {
+        Self::with(things())
+    }
+
+    fn with((blobs, thing_of): (Vec<Blob>, Vec<u32>)) -> Self {
         let folder = TempDir::new().unwrap();
         let turn = UnitQuaternion::from_euler_angles(0.6, -0.8, 2.3);
-        let (blobs, thing_of) = things();
         let splat = turned(cloud(&blobs), &turn);
         let mut bytes = Vec::new();
         ply::write(&mut bytes, &splat, &[]).unwrap();
@@ -211,6 +232,15 @@ fn what_stands_on_the_table_is_found_whole_and_the_room_is_not() {
     let cup = ObjectNumber::first(2).last().unwrap();
     let size = found.gaussians_of(cup).len();
     assert_eq!(size, table.thing_of.iter().filter(|thing| **thing == CUP).count());
+}
+
+/// Along two of its sides the table ends.
+#[test]
+fn what_the_cameras_look_at_may_stand_in_a_corner() {
+    let brick = block([-0.2, -0.2, 0.01], [0.08, 0.08, 0.21], [0.8, 0.3, 0.2]);
+    let table = Table::with(together([(NOTHING, table_top(0.12)), (BRICK, brick)]));
+    let found = StandingObjects::find(table.path(), &Options::default()).unwrap();
+    assert_eq!(found.object_of_gaussian, table.thing_of);
 }
 
 #[test]
