@@ -2,13 +2,14 @@
 
 use std::f64::consts::PI;
 
+use gprop::gaussians::Gaussians;
 use gprop::materials::Law;
 use gprop::parts::{Options, Parts, parts_of_mesh};
 use gprop::query::Form;
 use gprop::scene::mesh::solid::Measured;
-use gprop::scene::mesh::{Mesh, PaintedMesh, Triangles, sample};
+use gprop::scene::mesh::{Face, Material, Mesh, PaintedMesh, Triangles, sample};
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
-use gprop::vote::{Contents, Filled, MaterialField};
+use gprop::vote::{Contents, FieldLabel, Filled, MaterialField};
 
 use super::clouds::label;
 use crate::scene::shapes::{cuboid, joined, reversed, revolved, sphere};
@@ -19,35 +20,53 @@ const SCALE: MetricScale =
 /// Issue 48: masses within a hundredth of volume times density.
 const NEAR: f64 = 0.01;
 
+/// Segments around half a sphere. It has 0.2 % less volume than one without edges, and a cylinder of twice as many has 0.1 % less.
+const AROUND: u32 = 48;
+
 /// A fiftieth of the default's cells.
 fn options() -> Options {
     Options { volume_cells: 40_000, ..Options::default() }
 }
 
-/// The parts of a mesh whose Gaussians `part_of` divides by their position; `forms` per part, 1000 kg/m3.
-fn measured(mesh: &Triangles, forms: &[Form], part_of: impl Fn([f32; 3]) -> u32) -> Parts {
-    measured_with(mesh, &options(), |gaussians| {
-        let labels = (1..).zip(forms).map(|(id, form)| label(id, *form)).collect();
-        MaterialField::known(labels, gaussians.iter().copied().map(&part_of).collect())
-    })
+/// A mesh with its surface measured and sampled, which takes most of the time of a test.
+struct Sampled {
+    gaussians: Gaussians,
+    measured: Measured,
 }
 
-fn measured_with(mesh: &Triangles, options: &Options, field: impl FnOnce(&[[f32; 3]]) -> MaterialField) -> Parts {
-    let faces =
-        vec![gprop::scene::mesh::Face { material: 0, piece: 0, texture_coordinates: None }; mesh.triangles.len()];
-    let materials = vec![gprop::scene::mesh::Material::default()];
-    let painted = PaintedMesh::new(Mesh { surface: mesh.clone(), faces, materials, pieces: 1, ..Mesh::default() });
-    let gaussians = sample(&painted.unwrap()).unwrap().gaussians;
-    let field = field(&gaussians.positions);
-    let measured = Measured::of(mesh).unwrap();
-    let result = parts_of_mesh(&gaussians, &field, &measured, Some(&SCALE), options).unwrap();
-    let parts = result.metric().unwrap().clone();
-    println!("{:?}: {:?} {:?}", measured.solid.kind, parts.object, parts.warnings);
-    parts
+impl Sampled {
+    fn of(mesh: &Triangles) -> Self {
+        let face = Face { material: 0, piece: 0, texture_coordinates: None };
+        let faces = vec![face; mesh.triangles.len()];
+        let materials = vec![Material::default()];
+        let painted = PaintedMesh::new(Mesh { surface: mesh.clone(), faces, materials, pieces: 1, ..Mesh::default() });
+        let gaussians = sample(&painted.unwrap()).unwrap().gaussians;
+        Self { gaussians, measured: Measured::of(mesh).unwrap() }
+    }
+
+    fn parts(&self, options: &Options, labels: Vec<FieldLabel>, part_of: impl Fn([f32; 3]) -> u32) -> Parts {
+        let part_label = self.gaussians.positions.iter().copied().map(part_of).collect();
+        let field = MaterialField::known(labels, part_label);
+        let result = parts_of_mesh(&self.gaussians, &field, &self.measured, Some(&SCALE), options).unwrap();
+        let parts = result.metric().unwrap().clone();
+        println!("{:?}: {:?} {:?}", self.measured.solid.kind, parts.object, parts.warnings);
+        parts
+    }
+
+    /// If all of it is one part of 1000 kg/m3.
+    fn one(&self, form: Form) -> Parts {
+        self.parts(&options(), vec![label(1, form)], |_| 0)
+    }
+
+    /// If its Gaussians are divided by their position; `forms` per part, 1000 kg/m3.
+    fn divided(&self, forms: &[Form], part_of: impl Fn([f32; 3]) -> u32) -> Parts {
+        let labels = (1..).zip(forms).map(|(id, form)| label(id, *form)).collect();
+        self.parts(&options(), labels, part_of)
+    }
 }
 
 fn one(mesh: &Triangles, form: Form) -> Parts {
-    measured(mesh, &[form], |_| 0)
+    Sampled::of(mesh).one(form)
 }
 
 fn wall(thickness_m: f64) -> Form {
@@ -72,10 +91,8 @@ const CUP_VOLUME: f64 = PI * (2.5 - 0.92 * 0.92 * 2.42);
 
 #[test]
 fn solids_weigh_what_they_enclose() {
-    let ball = sphere([0.2, -0.1, 3.0], 0.5, 80);
-    let exact = measured_with(&ball, &options(), |gaussians| {
-        MaterialField::known(vec![label(1, Form::Solid)], vec![0; gaussians.len()])
-    });
+    let ball = Sampled::of(&sphere([0.2, -0.1, 3.0], 0.5, AROUND));
+    let exact = ball.one(Form::Solid);
     assert_weighs(exact.object.mass_kg, PI / 6.0);
     // A mesh shows a surface to 0.5 % of its length: 3 % of a ball's volume. The density of this field is exact.
     let Estimate { low, mid, high } = exact.object.mass_kg;
@@ -83,10 +100,8 @@ fn solids_weigh_what_they_enclose() {
         assert!((ratio - 1.03).abs() < 0.001, "{:?}", exact.object.mass_kg);
     }
     // The grid does not matter.
-    let coarse = Options { volume_cells: 20_000, ..Options::default() };
-    let coarse = measured_with(&ball, &coarse, |gaussians| {
-        MaterialField::known(vec![label(1, Form::Solid)], vec![0; gaussians.len()])
-    });
+    let coarse = Options { volume_cells: 10_000, ..Options::default() };
+    let coarse = ball.parts(&coarse, vec![label(1, Form::Solid)], |_| 0);
     assert!((coarse.object.mass_kg.mid / exact.object.mass_kg.mid - 1.0).abs() < 1e-9);
     let center = exact.object.center_of_mass_m;
     assert!((center[2] - 1.5).abs() < 1e-3 && (center[0] - 0.1).abs() < 1e-3, "{center:?}");
@@ -94,36 +109,37 @@ fn solids_weigh_what_they_enclose() {
     let inertia = 0.4 * exact.object.mass_kg.mid * 0.25f64.powi(2);
     assert!((exact.object.inertia_kg_m2[0][0] / inertia - 1.0).abs() < NEAR, "{:?}", exact.object.inertia_kg_m2);
 
-    let washer = revolved(&[[0.5, 0.0], [1.0, 0.0], [1.0, 0.4], [0.5, 0.4], [0.5, 0.0]], 200);
+    let washer = revolved(&[[0.5, 0.0], [1.0, 0.0], [1.0, 0.4], [0.5, 0.4], [0.5, 0.0]], 2 * AROUND);
     assert_weighs(one(&washer, Form::Solid).object.mass_kg, PI * 0.75 * 0.4);
-    let hollow = joined(&[sphere([0.0; 3], 1.0, 80), reversed(sphere([0.2, 0.0, 0.0], 0.5, 80))]);
-    assert_weighs(one(&hollow, Form::Solid).object.mass_kg, 4.0 / 3.0 * PI * 0.875);
-    let open = one(&hollow, Form::Solid);
-    assert!(open.warnings.is_empty(), "{:?}", open.warnings);
+    let hollow = joined(&[sphere([0.0; 3], 1.0, AROUND), reversed(sphere([0.2, 0.0, 0.0], 0.5, AROUND))]);
+    let hollow = one(&hollow, Form::Solid);
+    assert_weighs(hollow.object.mass_kg, 4.0 / 3.0 * PI * 0.875);
+    assert!(hollow.warnings.is_empty(), "{:?}", hollow.warnings);
 }
 
 #[test]
 fn a_wall_with_both_sides_is_as_thick_as_the_mesh_has_it() {
-    let cup = revolved(&CUP, 200);
+    let cup = Sampled::of(&revolved(&CUP, 2 * AROUND));
     // 0.08 units are 40 mm; the answers say 30, or that it is solid.
     for form in [wall(0.03), Form::Solid] {
-        let parts = one(&cup, form);
+        let parts = cup.one(form);
         assert_weighs(parts.object.mass_kg, CUP_VOLUME);
         let thickness = parts.parts[0].thickness_m.unwrap();
         assert!((thickness.mid - 0.04).abs() < 0.001, "{thickness:?}");
     }
     // Far thinner than a cell.
-    let can = revolved(&[[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.998, 2.0], [0.998, 0.002], [0.0, 0.002]], 200);
+    let can = revolved(&[[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.998, 2.0], [0.998, 0.002], [0.0, 0.002]], 2 * AROUND);
     assert_weighs(one(&can, wall(0.001)).object.mass_kg, PI * (2.0 - 0.998 * 0.998 * 1.998));
-    let shell = joined(&[sphere([0.0; 3], 1.0, 80), sphere([0.0; 3], 0.95, 80)]);
+    let shell = joined(&[sphere([0.0; 3], 1.0, AROUND), sphere([0.0; 3], 0.95, AROUND)]);
     assert_weighs(one(&shell, wall(0.02)).object.mass_kg, 4.0 / 3.0 * PI * (1.0 - 0.95f64.powi(3)));
 }
 
 #[test]
 fn a_closed_surface_of_a_shell_has_the_wall_of_the_answer() {
     // 20 mm are 0.04 units, more than a cell; half a millimetre far less.
+    let ball = Sampled::of(&sphere([0.0; 3], 1.0, AROUND));
     for (thickness_m, units) in [(0.02, 0.04), (0.0005, 0.001)] {
-        let parts = one(&sphere([0.0; 3], 1.0, 100), wall(thickness_m));
+        let parts = ball.one(wall(thickness_m));
         assert_weighs(parts.object.mass_kg, 4.0 * PI * units);
         assert_eq!(parts.parts[0].thickness_m.map(|thickness| thickness.mid), Some(thickness_m));
         let center = parts.object.center_of_mass_m;
@@ -134,27 +150,27 @@ fn a_closed_surface_of_a_shell_has_the_wall_of_the_answer() {
     let center = case.object.center_of_mass_m;
     assert!((center[2] - 0.1).abs() < 0.005 && (center[0] - 0.5).abs() < 0.005, "{center:?}");
     let range = Form::Shell { wall_thickness_m: Range::new(0.005, 0.02) };
-    let mass = one(&sphere([0.0; 3], 1.0, 100), range).object.mass_kg;
+    let mass = ball.one(range).object.mass_kg;
     assert!(mass.low < 0.6 * mass.mid && mass.high > 1.5 * mass.mid, "{mass:?}");
 }
 
 #[test]
 fn sheets_weigh_area_times_the_wall_of_the_answer() {
     // A vessel of a single sheet, open above: nothing closes it there.
-    let cup = revolved(&[[0.0, 0.0], [1.0, 0.0], [1.0, 2.5]], 200);
+    let cup = Sampled::of(&revolved(&[[0.0, 0.0], [1.0, 0.0], [1.0, 2.5]], 2 * AROUND));
     let area = PI + 5.0 * PI;
-    assert_weighs(one(&cup, wall(0.001)).object.mass_kg, area * 0.002);
+    assert_weighs(cup.one(wall(0.001)).object.mass_kg, area * 0.002);
     // The same as a solid of which a side is missing.
-    let full = one(&cup, Form::Solid);
+    let full = cup.one(Form::Solid);
     assert_weighs(full.object.mass_kg, 2.5 * PI);
     assert!(full.object.mass_kg.low < 0.97 * full.object.mass_kg.mid, "{:?}", full.object);
     assert!(full.warnings.iter().any(|warning| warning.contains("not closed")), "{:?}", full.warnings);
     // A sheet that encloses nothing; its thickness is more than a cell.
     let mut plate = cuboid([0.0; 3], [2.0, 1.0, 0.5]);
     plate.triangles.truncate(2);
-    let side = 2.0;
-    assert_weighs(one(&plate, wall(0.01)).object.mass_kg, side * 0.02);
-    let assumed = one(&plate, Form::Solid);
+    let (plate, side) = (Sampled::of(&plate), 2.0);
+    assert_weighs(plate.one(wall(0.01)).object.mass_kg, side * 0.02);
+    let assumed = plate.one(Form::Solid);
     assert_weighs(assumed.object.mass_kg, side * 0.006);
     assert!(assumed.warnings.iter().any(|warning| warning.contains("--wall-m")), "{:?}", assumed.warnings);
 }
@@ -163,34 +179,31 @@ fn sheets_weigh_area_times_the_wall_of_the_answer() {
 fn parts_share_the_volume_of_the_mesh() {
     // A cup on a solid foot that does not touch it.
     let foot = cuboid([-1.0, -1.0, -0.6], [1.0, 1.0, -0.05]);
-    let both = joined(&[revolved(&CUP, 200), foot.clone()]);
-    let parts = measured(&both, &[wall(0.03), Form::Solid], |position| u32::from(position[2] < -0.02));
+    let both = joined(&[revolved(&CUP, 2 * AROUND), foot.clone()]);
+    let parts = Sampled::of(&both).divided(&[wall(0.03), Form::Solid], |position| u32::from(position[2] < -0.02));
     assert_weighs_within(parts.parts[0].mass_kg.unwrap(), CUP_VOLUME, 0.03);
     assert_weighs_within(parts.parts[1].mass_kg.unwrap(), 2.0 * 2.0 * 0.55, 0.03);
     assert_weighs(parts.object.mass_kg, CUP_VOLUME + 2.2);
     // One closed surface, half of it hollow: the wall ends at the seam.
-    let halves = measured(&foot, &[wall(0.01), Form::Solid], |position| u32::from(position[0] < 0.0));
+    let halves = Sampled::of(&foot).divided(&[wall(0.01), Form::Solid], |position| u32::from(position[0] < 0.0));
     assert_weighs_within(halves.parts[1].mass_kg.unwrap(), 2.0 * 0.55, 0.03);
     assert_weighs_within(halves.parts[0].mass_kg.unwrap(), 0.02 * (2.0 * 2.0 + 2.0 * 0.55 + 2.0 * 0.55), 0.03);
 }
 
 #[test]
 fn a_filling_is_weighed_if_the_mesh_has_the_outside_alone() {
-    let full = |gaussians: &[[f32; 3]]| {
-        let mut bottle = label(1, wall(0.01));
-        bottle.inside = Some(Contents::Filled(Filled {
-            filling: "water".to_owned(),
-            share: Estimate::exactly(1.0),
-            density_kg_m3: Estimate::exactly(1000.0),
-            youngs_modulus_pa: Estimate::exactly(1e6),
-            poisson_ratio: Estimate::exactly(0.49),
-            law: Law::Elastic,
-        }));
-        MaterialField::known(vec![bottle], vec![0; gaussians.len()])
-    };
-    let outside = measured_with(&sphere([0.0; 3], 1.0, 80), &options(), full);
-    assert_weighs(outside.object.mass_kg, 4.0 / 3.0 * PI);
-    let both = joined(&[sphere([0.0; 3], 1.0, 80), reversed(sphere([0.0; 3], 0.97, 80))]);
-    let both = measured_with(&both, &options(), full);
+    let mut full = label(1, wall(0.01));
+    full.inside = Some(Contents::Filled(Filled {
+        filling: "water".to_owned(),
+        share: Estimate::exactly(1.0),
+        density_kg_m3: Estimate::exactly(1000.0),
+        youngs_modulus_pa: Estimate::exactly(1e6),
+        poisson_ratio: Estimate::exactly(0.49),
+        law: Law::Elastic,
+    }));
+    let weighed = |mesh: &Triangles| Sampled::of(mesh).parts(&options(), vec![full.clone()], |_| 0);
+    let ball = |radius: f64| sphere([0.0; 3], radius, AROUND);
+    assert_weighs(weighed(&ball(1.0)).object.mass_kg, 4.0 / 3.0 * PI);
+    let both = weighed(&joined(&[ball(1.0), reversed(ball(0.97))]));
     assert!(both.warnings.iter().any(|warning| warning.contains("is not weighed")), "{:?}", both.warnings);
 }

@@ -85,13 +85,14 @@ pub fn blur(grid: &Grid, inside: &[bool]) -> Vec<f32> {
 fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surfaces: usize) -> Vec<f64> {
     let margin = grid.layer() + grid.dims[0] + 1;
     let share = grid.cell * grid.cell;
+    let around = steps_around();
     let mut areas = vec![0.0; surfaces];
     for i in margin..inside.len() - margin {
         let slope = gradient(grid, blurred, i).norm();
         if slope == 0.0 {
             continue;
         }
-        let owner = if inside[i] { Some(nearest[i]) } else { grid_owner(grid, inside, nearest, i) };
+        let owner = if inside[i] { Some(nearest[i]) } else { grid_owner(grid, inside, nearest, &around, i) };
         if let Some(owner) = owner.filter(|o| *o != NONE) {
             areas[owner as usize] += slope * share;
         }
@@ -99,28 +100,27 @@ fn areas(grid: &Grid, blurred: &[f32], inside: &[bool], nearest: &[u32], surface
     areas
 }
 
-/// The surface cell to which an outside cell near the surface belongs: that of the nearest inside cell.
-fn grid_owner(grid: &Grid, inside: &[bool], nearest: &[u32], i: usize) -> Option<u32> {
-    /// The blur reaches two cells, a central difference one more.
-    const REACH: usize = 3;
-    let [x, y, z] = grid.coords(i);
-    let mut best: Option<(usize, u32)> = None;
-    for dz in 0..=2 * REACH {
-        for dy in 0..=2 * REACH {
-            for dx in 0..=2 * REACH {
-                let beside = [x + dx, y + dy, z + dz].map(|c| c.wrapping_sub(REACH));
-                if (0..3).any(|axis| beside[axis] >= grid.dims[axis]) {
-                    continue;
-                }
-                let n = grid.index(beside);
-                let far = [dx, dy, dz].map(|d| d.abs_diff(REACH).pow(2)).iter().sum::<usize>();
-                if inside[n] && best.is_none_or(|(least, _)| far < least) {
-                    best = Some((far, nearest[n]));
-                }
-            }
-        }
-    }
-    best.map(|(_, owner)| owner)
+/// The blur reaches two cells, a central difference one more.
+const REACH: isize = 3;
+
+/// The surface cell to which an outside cell near the surface belongs: that of the nearest inside cell. `around` are the
+/// [`steps_around`] it.
+fn grid_owner(grid: &Grid, inside: &[bool], nearest: &[u32], around: &[[isize; 3]], i: usize) -> Option<u32> {
+    let coords = grid.coords(i);
+    let beside = |step: &[isize; 3]| {
+        let at: [usize; 3] = std::array::from_fn(|axis| coords[axis].wrapping_add_signed(step[axis]));
+        (0..3).all(|axis| at[axis] < grid.dims[axis]).then(|| grid.index(at))
+    };
+    around.iter().filter_map(beside).find(|n| inside[*n]).map(|n| nearest[n])
+}
+
+/// The steps to all cells within [`REACH`] along each axis, the shortest first.
+fn steps_around() -> Vec<[isize; 3]> {
+    let along = || -REACH..=REACH;
+    let planes = along().flat_map(|z| along().map(move |y| (y, z)));
+    let mut steps: Vec<[isize; 3]> = planes.flat_map(|(y, z)| along().map(move |x| [x, y, z])).collect();
+    steps.sort_by_key(|step| step.iter().map(|way| way * way).sum::<isize>());
+    steps
 }
 
 /// Per cell of `mask`, its distance to the nearest of `points`, and the index of that point. `seeds[k]` is the cell

@@ -2,6 +2,7 @@
 
 use nalgebra::Point3;
 
+use super::crossings::crossings;
 use super::moments::Moments;
 use super::nesting::Nesting;
 use super::oriented::Oriented;
@@ -48,7 +49,8 @@ pub struct Material {
 
 /// How often a surface winds around places.
 pub struct Turning {
-    closed: Winding,
+    /// Per triangle of the surface, how often its component winds around its inside; 0 if that is not closed.
+    turns: Vec<i32>,
     /// Of the components that are not closed, if there are any.
     open: Option<Winding>,
 }
@@ -72,19 +74,17 @@ impl Turning {
     /// Of a surface whose components wind around their insides as often as `turns` say.
     pub fn of(surface: &Oriented, turns: &[f64]) -> Self {
         let Oriented { tree, component_of, components, .. } = surface;
-        let component = |n: u32| component_of[n as usize] as usize;
-        let is_closed = |n: u32| components[component(n)].is_closed;
+        let is_closed = |component: u32| components[component as usize].is_closed;
+        let turns_of = |of: &u32| if is_closed(*of) { turns[*of as usize] as i32 } else { 0 };
         let has_open = components.iter().any(|component| !component.is_closed);
-        Self {
-            closed: Winding::of(tree, |n| if is_closed(n) { turns[component(n)] } else { 0.0 }),
-            open: has_open.then(|| Winding::of(tree, |n| if is_closed(n) { 0.0 } else { 1.0 })),
-        }
+        let open = |n: u32| if is_closed(component_of[n as usize]) { 0.0 } else { 1.0 };
+        Self { turns: component_of.iter().map(turns_of).collect(), open: has_open.then(|| Winding::of(tree, open)) }
     }
 
     /// Around a point, given the tree of the same surface.
     pub fn around(&self, tree: &Tree, point: Point3<f64>) -> Turns {
         let open = self.open.as_ref().map_or(0.0, |open| open.at(tree, point));
-        Turns { closed: self.closed.at(tree, point).round(), open }
+        Turns { closed: f64::from(crossings(tree, point, &self.turns)), open }
     }
 }
 

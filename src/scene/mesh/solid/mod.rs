@@ -4,8 +4,9 @@
 //! 1. [`weld`] joins equal vertices; [`connected`] finds patches and components and orients the triangles of each alike;
 //! 2. [`oriented`] turns closed components outward and, with [`facing`], open patches toward their surroundings;
 //! 3. [`nesting`] finds which components lie inside of others, and which cross;
-//! 4. [`mod@material`] sums the [`moments`] of what is closed exactly, and integrates the rest with [`quadrature`] over the
-//!    [`winding`] number; [`mod@thickness`] recognises walls.
+//! 4. [`mod@material`] sums the [`moments`] of what is closed exactly, and integrates the rest with [`quadrature`] over how often
+//!    the surface winds around each place: [`mod@crossings`] count it for what is closed, [`winding`] numbers for the rest;
+//!    [`mod@thickness`] recognises walls.
 //!
 //! [`Measured`] also says place by place where the material is. [`survey()`] looks at a mesh in a fraction of that time.
 //!
@@ -13,6 +14,7 @@
 //! nor on the number of threads.
 
 mod connected;
+mod crossings;
 mod error;
 mod facing;
 mod frame;

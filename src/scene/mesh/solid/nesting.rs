@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
+use super::crossings::RAYS;
 use super::sample::{Place, places};
 use super::tree::Tree;
 
@@ -13,9 +14,6 @@ const PLACES: usize = 16_384;
 const PLACES_PER_COMPONENT: usize = 1024;
 /// A component lies inside of another if this share of its surface does.
 const MOST: f64 = 0.9;
-/// Rays from a place, of which two must agree: one alone may pass through an edge.
-const RAYS: [Vector3<f64>; 3] =
-    [Vector3::new(0.83, 0.31, 0.47), Vector3::new(-0.29, 0.79, 0.54), Vector3::new(0.37, -0.61, -0.70)];
 
 /// How closed components lie to each other.
 pub struct Nesting {
