@@ -4,7 +4,7 @@
     pip install pillow and one of: mujoco | newton newton-usd-schemas usd-core | pybullet
     scripts/draw_in_simulator.py mujoco model/scene.xml picture.png
     scripts/draw_in_simulator.py newton model/NAME/usd/NAME.usda picture.png
-    scripts/draw_in_simulator.py pybullet model/NAME.urdf picture.png     # without its floating joint, see docs/robot.md
+    scripts/draw_in_simulator.py pybullet model/NAME.urdf picture.png
 
 MuJoCo and PyBullet first let the model fall by 2 cm onto a floor, and draw it after 2 s; Newton draws it as it stands.
 """
@@ -93,12 +93,18 @@ def pybullet(path):
     pybullet.setAdditionalSearchPath(pybullet_data.getDataPath())
     pybullet.loadURDF("plane.urdf")
     body = pybullet.loadURDF(path, useFixedBase=False)
-    low, high = map(np.array, pybullet.getAABB(body))
+
+    def box():
+        """The corners of the box around all links."""
+        boxes = np.array([pybullet.getAABB(body, link) for link in range(-1, pybullet.getNumJoints(body))])
+        return boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+
+    low, high = box()
     at, turn = pybullet.getBasePositionAndOrientation(body)
     pybullet.resetBasePositionAndOrientation(body, [at[0], at[1], at[2] + FALL_M - low[2]], turn)
     for _ in range(round(RESTS_S * 240)):
         pybullet.stepSimulation()
-    middle = np.mean(pybullet.getAABB(body), axis=0).tolist()
+    middle = np.mean(box(), axis=0).tolist()
     half = float(np.linalg.norm(high - low)) / 2
     view = pybullet.computeViewMatrixFromYawPitchRoll(middle, DISTANCE * half, AZIMUTH_DEG - 90, ELEVATION_DEG, 0, 2)
     lens = pybullet.computeProjectionMatrixFOV(FIELD_OF_VIEW_DEG, WIDTH / HEIGHT, 0.01, 20)

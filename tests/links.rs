@@ -12,7 +12,9 @@ use gprop::scene::mesh::{self, Axes, solid};
 use gprop::units::Estimate;
 use serde_json::Value;
 
+use crate::export;
 use crate::run::gprop;
+use crate::support::python_has;
 
 /// A tetrahedron of 1/6 cubic units.
 const CORNER: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
@@ -118,7 +120,7 @@ fn found(container: &Container) -> Links {
         volume_m3: Estimate::exactly(1e-3),
         mass_kg: Estimate::new(0.4, 0.5, 0.6),
         center_of_mass_m: [0.01, 0.02, 0.03],
-        inertia_kg_m2: [[3e-3, 1e-4, 0.0], [1e-4, 2e-3, 0.0], [0.0, 0.0, 1e-3]],
+        inertia_kg_m2: [[3e-3, 1e-4, 0.0], [1e-4, 2.5e-3, 0.0], [0.0, 0.0, 1e-3]],
         materials: vec!["oak".to_owned()],
         friction_rubber: 0.7,
     };
@@ -153,7 +155,7 @@ fn assert_stated(container: &Container, name: &str) {
     assert_eq!(inertial.mass_kg, Some(0.5), "{name}");
     assert!((inertial.center_m() - nalgebra::Vector3::new(0.01, 0.02, 0.03)).norm() < 1e-9, "{name}");
     let inertia = inertial.inertia_in_body().unwrap();
-    let expected = nalgebra::Matrix3::new(3e-3, 1e-4, 0.0, 1e-4, 2e-3, 0.0, 0.0, 0.0, 1e-3);
+    let expected = nalgebra::Matrix3::new(3e-3, 1e-4, 0.0, 1e-4, 2.5e-3, 0.0, 0.0, 0.0, 1e-3);
     assert!((inertia - expected).norm() < 1e-9, "{name}: {inertia}");
 }
 
@@ -177,6 +179,26 @@ fn a_urdf_comes_back_with_its_masses() {
     let error = prepared.export(&found(&container), folder.path()).unwrap_err();
     assert!(error.to_string().contains("choose another folder"), "{error}");
     assert_eq!(fs::read_to_string(folder.path().join("hand.urdf")).unwrap(), HAND);
+}
+
+#[test]
+fn pybullet_and_mujoco_load_what_comes_back() {
+    let test = "pybullet_and_mujoco_load_what_comes_back";
+    if !python_has(test, "pybullet", "pybullet") || !python_has(test, "mujoco", "mujoco") {
+        return;
+    }
+    let (_, _, folder) = filled("hand.urdf", HAND);
+    let found = export::python("pybullet_check.py", &[&folder.path().join("out/hand.urdf")]);
+    let links = found[0]["links"].as_array().unwrap();
+    // A palm, and three fingers on their joints.
+    assert_eq!(links.len(), 4, "{found:?}");
+    for link in links {
+        assert!((link["mass_kg"].as_f64().unwrap() - 0.5).abs() < 1e-9, "{link}");
+        assert!((link["friction"].as_f64().unwrap() - 0.7).abs() < 1e-6, "{link}");
+    }
+    let (_, _, folder) = filled("cup.xml", CUP);
+    let cup = export::mujoco("load", &[&folder.path().join("out/cup.xml")]);
+    assert!((cup["mass_kg"].as_f64().unwrap() - 0.5).abs() < 1e-9, "{cup}");
 }
 
 #[test]

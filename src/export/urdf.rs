@@ -1,5 +1,5 @@
-//! URDF: one link on a floating joint to the world. A root link without a joint would be welded to the world and lose
-//! its mass. Meshes are OBJ files in `meshes/`: the skin with its picture, and the convex colliders.
+//! URDF: one link on a floating joint to a grain. MuJoCo welds a root link to the world, and it loses its mass; PyBullet knows no
+//! floating joint and fixes the link to its root, which moves if it has a mass and is not called "world". Meshes are OBJ files in `meshes/`: the skin with its picture, and the convex colliders.
 //!
 //! URDF itself has no friction. It is written in the three ways that readers understand: per collider for Drake, and per
 //! link for PyBullet and for Gazebo, which get the lowest friction of all parts. URDF has no soft contacts either.
@@ -7,6 +7,9 @@
 use std::fmt::Write;
 
 use super::{ExportError, Files, OwnMesh, Rigid, obj, spaced};
+
+/// What the root weighs: a milligram with the inertia of a ball of 1 mm, 2/5 m r^2.
+const GRAIN: &str = r#"<inertial><origin xyz="0 0 0"/><mass value="1e-6"/><inertia ixx="4e-13" iyy="4e-13" izz="4e-13" ixy="0" ixz="0" iyz="0"/></inertial>"#;
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.urdf", rigid.name), |out| out.write_all(text(rigid).as_bytes()))?;
@@ -36,8 +39,8 @@ fn text(rigid: &Rigid) -> String {
     format!(
         r#"{note}<robot name="{name}" xmlns:drake="http://drake.mit.edu">
   <mujoco><compiler strippath="false" discardvisual="false"/></mujoco>
-  <link name="world"/>
-  <joint name="{name}_free" type="floating"><parent link="world"/><child link="{name}"/></joint>
+  <link name="{name}_root">{GRAIN}</link>
+  <joint name="{name}_free" type="floating"><parent link="{name}_root"/><child link="{name}"/></joint>
   <link name="{name}">
     <contact><lateral_friction value="{least}"/></contact>
     <inertial>

@@ -16,7 +16,9 @@ use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
+use super::{listed, mujoco, python};
 use crate::scene::shapes::cuboid;
+use crate::support::python_has;
 
 /// Sides of the box along x, y (up) and z, m.
 const SIDES: [f64; 3] = [0.1, 0.2, 0.06];
@@ -303,8 +305,8 @@ fn a_gltf_keeps_its_files_beside_it() {
     assert_eq!(mesh.painted.mesh.files, [path.clone(), weighed.folder.path().join("data/box.bin")]);
 }
 
-#[test]
-fn other_meshes_come_with_a_urdf_an_mjcf_and_a_json() {
+/// A box in mm as an OBJ with its material, weighed and exported, and the text of the OBJ.
+fn exported_obj() -> (Weighed, String) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("oak box.obj");
     let cube = cuboid([0.0; 3], [100.0, 200.0, 60.0]);
@@ -316,13 +318,60 @@ fn other_meshes_come_with_a_urdf_an_mjcf_and_a_json() {
     let options = scene::Options { scale: "0.001".parse().unwrap(), ..scene::Options::default() };
     let weighed = Weighed::at(folder, &path, &options);
     weighed.export(Format::Asset, Colliders::Add).unwrap();
+    (weighed, text)
+}
+
+/// What a simulator finds of the box: its mass, and where its centre is.
+fn assert_is_oak_box(found: &Value, weighed: &Weighed) {
+    println!("{found}");
+    assert!((found["mass_kg"].as_f64().unwrap() / weighed.mass_kg() - 1.0).abs() < 1e-6, "{found}");
+    let center: Vec<f64> = serde_json::from_value(found["center_of_mass_m"].clone()).unwrap();
+    assert!((Vector3::from_column_slice(&center) - Vector3::new(0.05, 0.1, 0.03)).norm() < 5e-5, "{found}");
+}
+
+#[test]
+fn mujoco_loads_what_comes_with_an_obj() {
+    if !python_has("mujoco_loads_what_comes_with_an_obj", "mujoco", "mujoco") {
+        return;
+    }
+    let (weighed, _) = exported_obj();
+    let files = ["oak_box.urdf", "oak_box.xml"].map(|name| weighed.out().join(name));
+    for found in listed(mujoco("load", &files.each_ref().map(PathBuf::as_path))) {
+        assert_is_oak_box(&found, &weighed);
+        assert_eq!(found["free_joints"], 1);
+    }
+}
+
+#[test]
+fn pybullet_loads_what_comes_with_an_obj() {
+    if !python_has("pybullet_loads_what_comes_with_an_obj", "pybullet", "pybullet") {
+        return;
+    }
+    let (weighed, _) = exported_obj();
+    let found = python("pybullet_check.py", &[&weighed.out().join("oak_box.urdf")]).remove(0);
+    let [root, link] = found["links"].as_array().unwrap().as_slice() else { panic!("{found}") };
+    assert_eq!(root["mass_kg"], 1e-6, "{root}");
+    // 1/2 g t^2, and it falls freely.
+    assert!((found["falls_m"].as_f64().unwrap() - 0.5 * 9.8 * 0.25).abs() < 0.02, "{found}");
+    assert_is_oak_box(link, &weighed);
+    // It shows the OBJ itself, in metres, and collides with convex parts of it.
+    assert_eq!(link["shown"], json!([{ "file": "oak box.obj", "scale": [0.001, 0.001, 0.001] }]));
+    assert!(link["colliders"].as_u64().unwrap() > 0, "{link}");
+    let size: Vec<f64> = serde_json::from_value(link["collider_size_m"].clone()).unwrap();
+    // Around the convex hull, PyBullet has a margin of several mm.
+    assert!((Vector3::from_column_slice(&size) - Vector3::new(0.1, 0.2, 0.06)).amax() < 0.013, "{link}");
+}
+
+#[test]
+fn other_meshes_come_with_a_urdf_an_mjcf_and_a_json() {
+    let (weighed, text) = exported_obj();
     let out = weighed.out();
     assert_eq!(fs::read_to_string(out.join("oak box.obj")).unwrap(), text);
     assert!(out.join("box.mtl").is_file());
     for name in ["oak_box.urdf", "oak_box.xml"] {
         let container = containers::read(&out.join(name), &ReadScope::new(&out)).unwrap();
         assert!(container.problems.is_empty(), "{:?}", container.problems);
-        let body = container.bodies.iter().find(|body| body.inertial.is_some()).unwrap();
+        let body = container.bodies.iter().find(|body| body.name == "oak_box").unwrap();
         let inertial = body.inertial.as_ref().unwrap();
         assert!((inertial.mass_kg.unwrap() / weighed.mass_kg() - 1.0).abs() < 1e-9, "{name}");
         assert!((inertial.center_m() - Vector3::new(0.05, 0.1, 0.03)).norm() < 5e-5, "{name}");

@@ -85,7 +85,7 @@ impl Rigid {
 }
 
 /// What a script finds in each of the files. One process reads them all: a script spends most of its time on starting.
-fn python(script: &str, files: &[&Path]) -> Vec<Value> {
+pub fn python(script: &str, files: &[&Path]) -> Vec<Value> {
     listed(support::python(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/export").join(script), files))
 }
 
@@ -94,7 +94,7 @@ fn python_of_one(script: &str, arguments: &[&Path]) -> Value {
     support::python(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/export").join(script), arguments)
 }
 
-fn mujoco(what: &str, arguments: &[&Path]) -> Value {
+pub fn mujoco(what: &str, arguments: &[&Path]) -> Value {
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/export/mujoco_check.py");
     parsed(Command::new("python3").arg(script).arg(what).args(arguments).output().unwrap())
 }

@@ -1,0 +1,57 @@
+"""Loads URDFs in PyBullet and prints what it finds of each as a list in JSON.
+
+pybullet_check.py URDF...    per link, with the base first: mass, centre, inertia, friction, what is shown and what collides
+"""
+
+import ctypes
+import json
+import os
+import sys
+
+import pybullet
+
+BASE = -1
+
+
+def loaded(path):
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        body = pybullet.loadURDF(path, flags=pybullet.URDF_USE_INERTIA_FROM_FILE)
+        shown = pybullet.getVisualShapeData(body)
+        links = range(BASE, pybullet.getNumJoints(body))
+        found = {"links": [link_of(body, link, shown) for link in links]}
+        return {**found, "falls_m": fall(body)}
+    finally:
+        pybullet.disconnect(client)
+
+
+def fall(body):
+    """How far it falls in half a second."""
+    pybullet.setGravity(0, 0, -9.8)
+    before = pybullet.getBasePositionAndOrientation(body)[0]
+    for _ in range(120):
+        pybullet.stepSimulation()
+    return before[2] - pybullet.getBasePositionAndOrientation(body)[0][2]
+
+
+def link_of(body, link, shown):
+    mass, friction, inertia, center = pybullet.getDynamicsInfo(body, link)[:4]
+    low, high = pybullet.getAABB(body, link)
+    meshes = [shape for shape in shown if shape[1] == link and shape[2] == pybullet.GEOM_MESH]
+    names = pybullet.getBodyInfo(body)[0] if link == BASE else pybullet.getJointInfo(body, link)[12]
+    return {
+        "name": names.decode(),
+        "mass_kg": mass,
+        "center_of_mass_m": center,
+        "principal_inertia_kg_m2": inertia,
+        "friction": friction,
+        "shown": [{"file": os.path.basename(shape[4].decode()), "scale": shape[3]} for shape in meshes],
+        "colliders": len(pybullet.getCollisionShapeData(body, link)),
+        "collider_size_m": [b - a for a, b in zip(low, high)],
+    }
+
+
+found = [loaded(path) for path in sys.argv[1:]]
+# PyBullet prints warnings without the end of their line.
+ctypes.CDLL(None).fflush(None)
+print(f"\n{json.dumps(found)}")
