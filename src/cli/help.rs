@@ -27,8 +27,9 @@ const OF_ONE_SCENE: &[&str] =
 /// Those of a film.
 const OF_A_FILM: &[&str] = &["turntable", "size", "fps"];
 
-/// Numerical settings that gprop chooses itself: only `--help-all` shows them.
-const FOR_EXPERTS: &[&str] = &["cfl", "fixed-step", "lmm-temperature", "lmm-wait-s", "max-stiffness", "soften"];
+/// Numerical settings that gprop chooses itself, and what few will want: only `--help-all` shows them.
+const FOR_EXPERTS: &[&str] =
+    &["cfl", "fixed-step", "hints", "lmm-temperature", "lmm-wait-s", "max-stiffness", "soften"];
 
 /// The headings of the stages' options that are a command's own.
 fn own_headings(command: &str) -> &'static [&'static str] {

@@ -78,6 +78,8 @@ pub struct WholeViews {
     pub direct: Vec<usize>,
     /// The outer size of the object in words, if it is known.
     pub outer_size: Option<String>,
+    /// What else the question about what it is tells, in words.
+    pub hints: Option<String>,
 }
 
 /// The questions about the whole object that are to be asked.
@@ -417,7 +419,8 @@ impl AboutWhole {
             let mut numbers: Vec<u16> = sides.iter().filter_map(|side| side.map).flat_map(LabelMap::ids).collect();
             numbers.sort_unstable();
             numbers.dedup();
-            recognition::question(&sides, numbers, outer_size, prompts, library.clone(), options)
+            let told = recognition::Told { outer_size, hints: asked.hints.as_deref() };
+            recognition::question(&sides, numbers, told, prompts, library.clone(), options)
         });
         let sides: Vec<Side> = asked.direct.iter().map(side).collect();
         let direct = (!sides.is_empty()).then(|| direct::question(&sides, outer_size, prompts, options));

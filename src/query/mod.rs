@@ -26,7 +26,7 @@ pub use ask::run::{Preview, Run};
 pub use ask::size::Size;
 pub use ask::whole::{AnyWholeQuestion, Purpose, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion};
 pub use error::{InVain, MissingAnswer, QueryError};
-pub use options::{AnswerSource, Context, Guidance, Options, SCENE_KEYS};
+pub use options::{AnswerSource, Context, Guidance, Hints, Options, SCENE_KEYS};
 pub use question::prompt::{PromptError, Prompts};
 pub use question::shown_subject::ShownSubject;
 pub use recorded::sha256::Sha256Hex;

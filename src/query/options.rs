@@ -74,6 +74,17 @@ pub enum Guidance {
     FamilyFirst,
 }
 
+/// What the model is told besides what pictures show.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Hints {
+    /// The outer size of the object, if it is known.
+    #[default]
+    None,
+    /// Also what the author of a mesh called its materials and pieces, in the question about the whole object.
+    Names,
+}
+
 /// Options of the questions to the large multimodal model.
 #[derive(Debug, Clone, Args, Serialize, Deserialize)]
 #[serde(default)]
@@ -90,6 +101,10 @@ pub struct Options {
     /// Content of the picture: the object and the part in it (as in the paper), or the part alone (the paper's ablation)
     #[arg(long, value_enum, default_value_t)]
     pub context: Context,
+
+    /// What the question about the whole object may tell besides its pictures
+    #[arg(long, value_enum, default_value_t)]
+    pub hints: Hints,
 
     /// Materials to choose from: those that match a label of ABO's or MVImgNet's evaluation, or those that a text file
     /// names, one material, family or label per line [default: the whole library]

@@ -1,6 +1,7 @@
 //! A scene from a mesh instead of a splat: its surface sampled into flat Gaussians, its scale by the format. It has no views
 //! yet; they are drawn of the mesh once there is a folder for them.
 
+use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 use std::sync::Arc;
@@ -10,7 +11,7 @@ use serde::Serialize;
 
 use super::cameras::Registered;
 use super::cameras::align::{Align, Conversion};
-use super::mesh::{self, Axes, Mesh, MeshError, PaintedMesh, sample};
+use super::mesh::{self, Axes, Mesh, MeshError, Names, PaintedMesh, sample};
 use super::object::choice::ObjectChoice;
 use super::up::choice::UpChoice;
 use super::{ObjectSource, Options, Scene, SceneError, Up, scale};
@@ -135,6 +136,16 @@ impl SceneMesh {
         MeshCounts::of(&self.painted.mesh)
     }
 
+    /// What its author called its materials and pieces, each name once, those of the largest surfaces first.
+    pub fn names_in_file(&self) -> Names {
+        let Mesh { faces, names, .. } = &self.painted.mesh;
+        let faces = || self.triangle_of_gaussian.iter().map(|triangle| &faces[*triangle as usize]);
+        Names {
+            materials: by_frequency(faces().map(|face| &names.materials[face.material as usize])),
+            pieces: by_frequency(faces().map(|face| &names.pieces[face.piece as usize])),
+        }
+    }
+
     /// The centre of the box around all triangles, and the greatest distance of a corner from it.
     pub fn bounding_sphere(&self) -> (Point3<f64>, f64) {
         let surface = &self.painted.mesh.surface;
@@ -145,4 +156,13 @@ impl SceneMesh {
         let center = nalgebra::center(&min, &max);
         (center, corners().map(|corner| (corner - center).norm()).fold(0.0, f64::max))
     }
+}
+
+/// Each name once, the most frequent first; among equals, in the order of the alphabet.
+fn by_frequency<'a>(names: impl Iterator<Item = &'a String>) -> Vec<String> {
+    let mut times: BTreeMap<&String, usize> = BTreeMap::new();
+    names.filter(|name| !name.trim().is_empty()).for_each(|name| *times.entry(name).or_default() += 1);
+    let mut times: Vec<(&String, usize)> = times.into_iter().collect();
+    times.sort_by_key(|(_, times)| std::cmp::Reverse(*times));
+    times.into_iter().map(|(name, _)| name.clone()).collect()
 }

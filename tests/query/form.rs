@@ -4,7 +4,7 @@ use std::fs;
 
 use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
-use gprop::query::ask::recognition::{self, Side};
+use gprop::query::ask::recognition::{self, Side, Told};
 use gprop::query::{Prompts, Queries, exchange};
 use serde_json::{Value, json};
 
@@ -234,7 +234,8 @@ impl AboutObject {
         let map = &self.view.segments.map;
         let side = Side { view: self.view.name, photo: &self.view.photo, map: Some(map) };
         let numbers = map.ids();
-        let question = recognition::question(&[side], numbers, None, &prompts, library.clone(), &options).unwrap();
+        let question =
+            recognition::question(&[side], numbers, Told::default(), &prompts, library.clone(), &options).unwrap();
         act(&Queries { whole: vec![&question], ..prepare(&[], &prompts, &options) })
     }
 

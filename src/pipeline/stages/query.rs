@@ -10,8 +10,9 @@ use crate::camera::Camera;
 use crate::consensus::{self, AskAbout};
 use crate::error::Result;
 use crate::gaussians::bounds::least_box;
+use crate::query::ask::hints;
 use crate::query::{
-    AnswerSource, Answers, LabelSet, Match, Options, Outcome, Preview, Purpose, Size, SubjectAnswer, SubjectId,
+    AnswerSource, Answers, Hints, LabelSet, Match, Options, Outcome, Preview, Purpose, Size, SubjectAnswer, SubjectId,
     WholeAnswer, WholeOutcome,
 };
 use crate::scene::{ScaleChoice, Scene, View};
@@ -174,6 +175,7 @@ pub fn session<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a O
         recognition,
         direct: Vec::new(),
         outer_size: outer_size(open)?,
+        hints: hints(open, options),
     };
     asking(open, options, Subjects { views, subjects, ask_views, about: about.about(), whole })
 }
@@ -215,6 +217,12 @@ fn outer_size(open: &OpenScene) -> Result<Option<String>> {
         let [a, b, c] = least_box(&open.scene.gaussians).map(in_cm);
         format!("outer size {a} x {b} x {c} cm")
     }))
+}
+
+/// What the file of a mesh calls things, if the user wants the model to know.
+fn hints(open: &OpenScene, options: &Options) -> Option<String> {
+    let mesh = open.scene.mesh.as_ref().filter(|_| options.hints == Hints::Names)?;
+    hints::paragraph(&mesh.names_in_file())
 }
 
 /// Estimates what a query would send, and its cost.

@@ -5,6 +5,7 @@ pub mod asker;
 pub mod budget;
 pub mod cost;
 pub mod direct;
+pub mod hints;
 pub(super) mod live;
 pub(super) mod queries;
 pub mod recognition;

@@ -13,6 +13,14 @@ use crate::query::question::shown_subject::ShownSubject;
 use crate::query::question::{Question, by_kind};
 use crate::query::recorded::Mask;
 
+/// What the question says of the object besides what its picture shows.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Told<'a> {
+    pub outer_size: Option<&'a str>,
+    /// A paragraph for the end of the prompt.
+    pub hints: Option<&'a str>,
+}
+
 /// The question about the object that `sides` show. The answer has to give every one of `numbers` to a piece.
 ///
 /// # Errors
@@ -23,17 +31,18 @@ use crate::query::recorded::Mask;
 pub fn question(
     sides: &[Side],
     numbers: Vec<u16>,
-    outer_size: Option<&str>,
+    told: Told,
     prompts: &Prompts,
     library: MaterialLibrary,
     options: &Options,
 ) -> Result<WholeQuestion<Recognition>, PromptError> {
     let Side { view, photo, map } = sides[0];
     let mask = map.map_or_else(|| Mask::of_foreground(&photo.foreground), Mask::of_regions);
-    let sheet = Sheet::of_sides(sides, outer_size, options.sheet_size);
+    let sheet = Sheet::of_sides(sides, told.outer_size, options.sheet_size);
     let shown = ShownSubject { regions: numbers.clone(), ..ShownSubject::new(view, WHOLE, photo, mask, &sheet) };
     let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
     let prompt = prompts.object(&families.join("; "), &by_kind(&library))?;
+    let prompt = told.hints.map_or(prompt.clone(), |hints| format!("{}\n\n{hints}\n", prompt.trim_end()));
     let (file, schema) = prompts.object_schema();
     let question = Question::new(prompt, Schema::new(file, schema.clone(), &[], &[])?);
     let read = move |value| recognition::read(value, &numbers, &library);

@@ -72,7 +72,7 @@ pub struct Mesh {
     /// Number of pieces that the file tells apart: a primitive of a node's mesh, once for each instance (glTF), an object
     /// or group (OBJ), a solid (STL).
     pub pieces: usize,
-    /// What the file's author called things. They are evidence only if the user says so, and are shown to no model.
+    /// What the file's author called things. They steer nothing, and are shown to no model unless the user says so.
     pub names: Names,
     /// Metres per unit, if the format says so: 1 for glTF, `None` for the others.
     pub meters_per_unit: Option<f64>,
