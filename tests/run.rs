@@ -297,6 +297,36 @@ fn every_question_about_the_other_fixtures_has_a_recorded_answer() {
     }
 }
 
+/// The mesh of the fixtures, with SAM on views that are drawn of it.
+#[test]
+#[ignore = "takes a minute: SAM on ten views; .ci/run runs it"]
+fn the_cup_of_the_fixtures_weighs_what_it_should() {
+    if models("the_cup_of_the_fixtures_weighs_what_it_should").is_none() {
+        return;
+    }
+    let (cup, out) = (fixture("cup"), TempDir::new().unwrap());
+    let recordings = cup.join("recorded");
+    let output = gprop()
+        .arg("run")
+        .arg(cup.join("cup.glb"))
+        .args(["--answers", "replay", "--to", "parts", "--out"])
+        .arg(out.path())
+        .arg("--recordings")
+        .arg(recordings)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", stderr(&output));
+    let parts = json(out.path().join("parts.json"));
+    let mass = &parts["object"]["mass_kg"];
+    // By `make.py`, 118.4 cm3 of stoneware, 2150 to 2600 kg/m3 in the library, on 39.1 cm3 of cork, 180 to 350 kg/m3.
+    let [light, heavy] = [[2150.0, 180.0], [2600.0, 350.0]].map(|[cup, coaster]| 118.4e-6 * cup + 39.1e-6 * coaster);
+    let [low, mid, high] = ["low", "mid", "high"].map(|end| mass[end].as_f64().unwrap());
+    assert!(light <= mid && mid <= heavy && low > 0.8 * light && high < 1.2 * heavy, "{mass}");
+    let materials: Vec<&str> =
+        parts["parts"].as_array().unwrap().iter().map(|part| part["material"].as_str().unwrap()).collect();
+    assert_eq!(materials, ["stoneware", "cork, agglomerated"]);
+}
+
 #[test]
 fn a_rerun_reuses_everything_and_an_option_redoes_what_follows() {
     if models("a_rerun_reuses_everything_and_an_option_redoes_what_follows").is_none() {
