@@ -3,9 +3,13 @@
 use std::collections::HashMap;
 
 use crate::gaussians::Gaussians;
+use crate::numeric::median;
 
 /// Two Gaussians are connected if their voxels touch; a voxel's side is the diagonal of the cloud divided by this.
 const VOXELS_PER_DIAGONAL: f64 = 64.0;
+/// Least side of a voxel, in standard deviations of the Gaussians along their longest axes, in the median: those of a coarse
+/// surface are this far apart. (Of a mug of 689 Gaussians, voxels without this limit lose three quarters.)
+const LEAST_DEVIATIONS_PER_VOXEL: f64 = 1.5;
 /// Share of the Gaussians at either end of each axis that is left out when the diagonal is measured, since floaters lie
 /// far out.
 const TRIMMED: f64 = 0.005;
@@ -18,7 +22,9 @@ pub fn without_floaters(gaussians: &Gaussians, min_share: f64) -> Vec<bool> {
     let own: Vec<usize> = (0..gaussians.len()).filter(|&i| !gaussians.is_set_aside(i)).collect();
     let mut kept = vec![false; gaussians.len()];
     own.iter().for_each(|&i| kept[i] = true);
-    let side = trimmed_diagonal(gaussians, &own) / VOXELS_PER_DIAGONAL;
+    let deviation = median(own.iter().map(|&i| gaussians.scale(i).max()).collect()).unwrap_or(0.0);
+    let fine = trimmed_diagonal(gaussians, &own) / VOXELS_PER_DIAGONAL;
+    let side = fine.max(LEAST_DEVIATIONS_PER_VOXEL * deviation);
     if side <= 0.0 {
         return kept;
     }
@@ -78,4 +84,32 @@ fn trimmed_diagonal(gaussians: &Gaussians, among: &[usize]) -> f64 {
         f64::from(high - low)
     };
     (0..3).map(|axis| side(axis).powi(2)).sum::<f64>().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A surface whose Gaussians lie farther apart on one half than a 64th of it, and one in mid-air.
+    #[test]
+    fn a_coarse_surface_is_one_body() {
+        const DEVIATION: f32 = 0.07;
+        let half = |step: f32, from: f32| {
+            (0..10).flat_map(move |i| (0..10).map(move |j| [from + step * i as f32, step * j as f32, 0.0]))
+        };
+        let mut positions: Vec<[f32; 3]> = half(0.04, -0.4).chain(half(0.1, 0.0)).collect();
+        positions.push([0.5, 0.5, 0.5]);
+        let count = positions.len();
+        let gaussians = Gaussians {
+            positions,
+            log_scales: vec![[DEVIATION.ln(); 3]; count],
+            rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
+            opacity_logits: vec![3.0; count],
+            sh_dc: vec![[0.0; 3]; count],
+            ..Gaussians::default()
+        };
+        let kept = without_floaters(&gaussians, 0.05);
+        assert!(kept[..count - 1].iter().all(|kept| *kept));
+        assert!(!kept[count - 1]);
+    }
 }
