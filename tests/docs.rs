@@ -34,13 +34,14 @@ fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// The README and the pages of `docs/` and of the data folders.
+/// The README, the page for who changes gprop, and the pages of `docs/` and of the data folders.
 fn pages() -> Vec<PathBuf> {
     let mut pages: Vec<PathBuf> =
         fs::read_dir(root().join("docs")).unwrap().map(|entry| entry.unwrap().path()).collect();
-    pages.retain(|path| path.extension().is_some_and(|extension| extension == "md"));
+    pages.retain(|path| path.extension().is_some_and(|extension| extension == "md") || path.ends_with("llms.txt"));
     pages.sort();
     pages.insert(0, root().join("README.md"));
+    pages.insert(1, root().join("AGENTS.md"));
     pages.extend(["materials/README.md", "grippers/README.md", "fixtures/README.md"].map(|name| root().join(name)));
     pages
 }
