@@ -197,7 +197,7 @@ fn pybullet_and_mujoco_load_what_comes_back() {
         assert!((link["friction"].as_f64().unwrap() - 0.7).abs() < 1e-6, "{link}");
     }
     let (_, _, folder) = filled("cup.xml", CUP);
-    let cup = export::mujoco("load", &[&folder.path().join("out/cup.xml")]);
+    let cup = &export::mujoco("load", &[&folder.path().join("out/cup.xml")])[0];
     assert!((cup["mass_kg"].as_f64().unwrap() - 0.5).abs() < 1e-9, "{cup}");
 }
 
