@@ -29,7 +29,7 @@ const OF_A_FILM: &[&str] = &["turntable", "size", "fps"];
 
 /// Numerical settings that gprop chooses itself, and what few will want: only `--help-all` shows them.
 const FOR_EXPERTS: &[&str] =
-    &["cfl", "fixed-step", "hints", "lmm-temperature", "lmm-wait-s", "max-stiffness", "soften"];
+    &["cfl", "fixed-step", "hints", "lmm-retries", "lmm-temperature", "lmm-wait-s", "max-stiffness", "soften"];
 
 /// The headings of the stages' options that are a command's own.
 fn own_headings(command: &str) -> &'static [&'static str] {

@@ -71,6 +71,17 @@ pub fn least_box(gaussians: &Gaussians) -> [f64; 3] {
     if principal.0 < along_world.0 { principal.1 } else { along_world.1 }
 }
 
+/// The least extent of a surface through these points, in any direction: the thickness of a plate of the same spread. That of a
+/// ball is its diameter, that of a long round rod 1.2 times that.
+pub fn least_extent(points: impl Iterator<Item = Point3<f64>>) -> f64 {
+    let points: Vec<Vector3<f64>> = points.map(|point| point.coords).collect();
+    let count = points.len().max(1) as f64;
+    let mean = points.iter().sum::<Vector3<f64>>() / count;
+    let spread: Matrix3<f64> = points.iter().map(|point| (point - mean) * (point - mean).transpose()).sum();
+    // A plate of thickness 1 has a standard deviation of 1 / sqrt(12).
+    (12.0 * spread.symmetric_eigenvalues().min().max(0.0) / count).sqrt()
+}
+
 /// As many points as the best turn is sought for: more would find the same to half a degree.
 const POINTS_TO_TURN: usize = 5000;
 /// A turn is taken only if it makes the box smaller by more than this: an object along its axes stays there.

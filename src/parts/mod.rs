@@ -61,7 +61,7 @@ use mass::weights::{self, Weight, Weights};
 use mass::{Body, Weighable};
 pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
 pub use result::{
-    BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, Filling, KnownMass, NoVolume, Object,
+    AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, Filling, KnownMass, NoVolume, Object,
     ObjectBelief, Part, PartBody, Parts, Width,
 };
 

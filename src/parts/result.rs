@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::mass::unknowns::Source;
+use crate::query::{PartQuestion, Why};
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::FieldLabel;
 use crate::words::readable::significant;
@@ -170,6 +171,27 @@ pub struct BelievedPart {
     pub choices: Vec<BelievedChoice>,
     /// The index of the one that masses, simulation, grasps and exports take.
     pub taken: usize,
+    /// The question about the part by itself, if one followed that about the object.
+    #[serde(default)]
+    pub asked: Option<AskedPart>,
+}
+
+/// A question about a part by itself that followed the one about the object.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct AskedPart {
+    /// The view in which it was asked about.
+    pub view: String,
+    pub why: Why,
+    /// Name of the library row that was answered; null without an answer.
+    pub material: Option<String>,
+}
+
+impl AskedPart {
+    pub fn of(question: &PartQuestion) -> Self {
+        let material = question.answer().map(|answer| answer.material.clone());
+        Self { view: question.view.clone(), why: question.why, material }
+    }
 }
 
 /// One way in which a part may be made, before and after the evidence.

@@ -123,6 +123,7 @@ impl Picture {
             ask_views: 1,
             about: AskAbout::Segments,
             whole: WholeViews::default(),
+            regions: Vec::new(),
         };
         QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
     }

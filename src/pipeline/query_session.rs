@@ -15,14 +15,16 @@ use crate::materials::MaterialLibrary;
 use crate::query::ask::asker::Asker;
 use crate::query::ask::budget::Budget;
 use crate::query::ask::cost::{Price, PriceTable, UsdPerMtok};
+use crate::query::ask::follow_up::{self, FollowUp};
 use crate::query::ask::rounds::{Outcomes, Subject, SubjectInView};
 use crate::query::ask::{direct, recognition, size};
 use crate::query::client::{self, ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Imported};
 use crate::query::recorded::{Answerer, Recordings};
 use crate::query::{
-    Answers, AnyWholeQuestion, DirectGuess, Options, Outcome, Piece, Preview, Prompts, Purpose, Queries, QueryError,
-    Recognition, ShownSubject, Side, Size, SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeQuestion,
+    Alternative, Answer, AnswerSource, Answers, AnyWholeQuestion, DirectGuess, ObjectAnswers, Options, Outcome,
+    PartQuestion, Piece, Preview, Prompts, Purpose, Queries, QueryError, Recognition, Region, ShownSubject, Side, Size,
+    SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion,
 };
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;
@@ -45,6 +47,7 @@ pub struct QuerySession<'a> {
     ask_views: usize,
     about: AskAbout,
     whole: AboutWhole,
+    regions: Vec<Region>,
     prompts: Prompts,
     /// The materials to choose from.
     pub(super) library: Cow<'a, MaterialLibrary>,
@@ -65,6 +68,8 @@ pub struct Subjects<'a> {
     pub ask_views: usize,
     pub about: AskAbout,
     pub whole: WholeViews,
+    /// Every part and piece, if it is asked what the object is.
+    pub regions: Vec<Region>,
 }
 
 /// The views, by index, in which questions about the whole object are asked; none where a question is not to be asked.
@@ -89,13 +94,25 @@ struct AboutWhole {
     direct: Option<WholeQuestion<DirectGuess>>,
 }
 
+/// The parts to ask about by themselves, the most worthwhile first, each with the view in which to ask.
+struct FollowUps(Vec<(FollowUp, SubjectInView)>);
+
+impl FollowUps {
+    /// Sorted.
+    fn places(&self) -> Vec<SubjectInView> {
+        let mut places: Vec<SubjectInView> = self.0.iter().map(|(_, place)| *place).collect();
+        places.sort_unstable();
+        places
+    }
+}
+
 /// Everything that was answered.
 pub struct Answered<T> {
     pub answers: Answers,
     /// What follows from the size of the object, if that was to be asked.
     pub size: Option<T>,
     /// What the object is, if that was to be asked.
-    pub recognition: Option<WholeAnswer<Recognition>>,
+    pub recognition: Option<WholeAnswer<ObjectAnswers>>,
 }
 
 /// A view of a session.
@@ -118,7 +135,7 @@ impl<'a> QuerySession<'a> {
     /// A session about the subjects, with recordings in `home` and in the folder that the options name.
     pub fn new(
         options: &'a Options,
-        Subjects { views, subjects, ask_views, about, whole }: Subjects<'a>,
+        Subjects { views, subjects, ask_views, about, whole, regions }: Subjects<'a>,
         library: &'a MaterialLibrary,
         home: &Path,
         work: &'a WorkDir,
@@ -143,6 +160,7 @@ impl<'a> QuerySession<'a> {
             subjects,
             ask_views,
             about,
+            regions,
             prompts,
             library,
             price: price(options)?,
@@ -169,9 +187,15 @@ impl<'a> QuerySession<'a> {
     fn queries_for(&self, answerer: Option<&Answerer>) -> Result<Queries<'_>> {
         let mut answers = BTreeMap::new();
         let mut queries = self.about_whole()?;
+        if let Some(what) = &self.whole.recognition {
+            // Its answer says what is left to ask.
+            if let Ok(recognition) = queries.recorded_whole(what, &self.recordings, answerer) {
+                queries.subjects = self.prepare(&self.follow_ups(&recognition).places())?.subjects;
+            }
+            return Ok(queries);
+        }
         loop {
-            // The object comes first: its answer says what is left to ask.
-            let due = if self.whole.recognition.is_some() { Vec::new() } else { self.due(&answers) };
+            let due = self.due(&answers);
             let round = self.prepare(&due)?;
             let recorded = round.recorded(&self.recordings, answerer);
             let is_open = due.is_empty() || recorded.iter().any(Option::is_none);
@@ -227,9 +251,16 @@ impl<'a> QuerySession<'a> {
     /// Estimates what would be sent, and its cost.
     pub fn preview(&self, queries: &Queries) -> Preview {
         let preview = queries.preview(&self.recordings, self.client.as_ref().map(Asker::answerer), self.price());
-        let at_most: usize = self.subjects.iter().map(|subject| subject.all().len()).sum();
-        let at_most = if self.whole.recognition.is_some() { 0 } else { at_most };
-        Preview { at_most: at_most + self.whole.all().count(), ..preview }
+        let of_parts = match &self.whole.recognition {
+            Some(what) => {
+                match queries.recorded_whole(what, &self.recordings, self.client.as_ref().map(Asker::answerer)) {
+                    Ok(_) => queries.subjects.len(),
+                    Err(_) => self.options.max_questions.min(self.subjects.len()),
+                }
+            }
+            None => self.subjects.iter().map(|subject| subject.all().len()).sum(),
+        };
+        Preview { at_most: of_parts + self.whole.all().count(), ..preview }
     }
 
     /// Asks everything that has to be asked, round by round; `begin` gets the questions of each round before they are
@@ -240,8 +271,8 @@ impl<'a> QuerySession<'a> {
 
     /// As [`Self::answer_all`]. If the size of the object is to be asked, that question comes first, and `of_size` converts
     /// its answer; if it fails, the run ends before it costs more. If it is to be asked what the object is, that question
-    /// follows, and parts are asked about only if it has no answer; where nobody can be asked, answers about parts that are
-    /// recorded serve instead.
+    /// follows, and those about parts that narrow its answer. If it has no answer, parts are asked about instead; where nobody can be
+    /// asked, answers about parts that are recorded serve.
     pub fn answer_with_size<T>(
         &self,
         begin: &dyn Fn(&Queries) -> Result<()>,
@@ -265,6 +296,7 @@ impl<'a> QuerySession<'a> {
             Err(QueryError::MissingWhole { .. }) if self.parts_are_recorded()? => None,
             recognition => recognition?,
         };
+        let recognition = recognition.map(|answer| self.with_follow_ups(answer, begin, asker, &budget)).transpose()?;
         let recognized = recognition.as_ref().and_then(|answer| answer.outcome.answered());
         let answers = match recognized {
             Some(recognized) => self.of_pieces(recognized),
@@ -278,6 +310,75 @@ impl<'a> QuerySession<'a> {
             progress::notice(&format!("asked: {spent}{about}"));
         }
         Ok(Answered { answers, size, recognition })
+    }
+
+    /// The answer about the object with those about the parts that are worth a question. One that is not recorded and cannot be
+    /// asked is left open: what is known serves without it.
+    fn with_follow_ups(
+        &self,
+        WholeAnswer { view, outcome }: WholeAnswer<Recognition>,
+        begin: &dyn Fn(&Queries) -> Result<()>,
+        asker: Option<&dyn Asker>,
+        budget: &Budget,
+    ) -> Result<WholeAnswer<ObjectAnswers>> {
+        let recognition = match outcome {
+            WholeOutcome::Answered(recognition) => recognition,
+            WholeOutcome::Failed(failure) => return Ok(WholeAnswer { view, outcome: WholeOutcome::Failed(failure) }),
+        };
+        let due = self.follow_ups(&recognition);
+        let places = due.places();
+        let round = self.prepare(&places)?;
+        begin(&round)?;
+        let outcomes: Vec<Option<Outcome>> = match asker.filter(|_| self.options.answers != AnswerSource::Replay) {
+            Some(_) => {
+                let run = round.run(&self.recordings, asker, budget, self.progress)?;
+                run.answers.all.into_iter().map(|answer| Some(answer.outcome)).collect()
+            }
+            None => round.recorded(&self.recordings, None),
+        };
+        let by_place: BTreeMap<SubjectInView, Option<Outcome>> = places.into_iter().zip(outcomes).collect();
+        let questions = due.0.into_iter().map(|(FollowUp { piece, why }, place)| PartQuestion {
+            piece,
+            view: self.views[place.view].name.to_owned(),
+            subject: SubjectId::of(self.about, place.id),
+            why,
+            outcome: by_place[&place].clone(),
+        });
+        let questions = questions.collect();
+        Ok(WholeAnswer { view, outcome: WholeOutcome::Answered(ObjectAnswers { recognition, questions }) })
+    }
+
+    /// The parts to ask about by themselves, the most worthwhile first.
+    fn follow_ups(&self, recognition: &Recognition) -> FollowUps {
+        let follow_ups = follow_up::follow_ups(recognition, &self.regions, &self.library);
+        let placed = follow_ups.into_iter().filter_map(|of| {
+            let place = self.largest_place(&recognition.pieces[of.piece])?;
+            Some((of, place))
+        });
+        FollowUps(placed.take(self.options.max_questions).collect())
+    }
+
+    /// The largest part or piece of one that belongs to a piece of the object, in the view that shows it best; `None` if no view
+    /// shows any.
+    fn largest_place(&self, piece: &Piece) -> Option<SubjectInView> {
+        let belongs = |id: u16| piece.numbers.contains(&id);
+        let is_its = |region: &&Subject| match region.pieces.as_slice() {
+            _ if region.views.is_empty() => false,
+            [] => belongs(region.id),
+            pieces => pieces.iter().all(|piece| belongs(piece.id)),
+        };
+        let area = |of: &Subject| {
+            let region = self.regions.iter().find(|region| region.id == of.id);
+            region.map_or(0.0, |region| region.area_share)
+        };
+        // Among equals, the first.
+        let largest = self.regions_asked().filter(is_its).reduce(|a, b| if area(b) > area(a) { b } else { a })?;
+        Some(SubjectInView { view: largest.views[0], id: largest.id })
+    }
+
+    /// Every part and piece of one.
+    fn regions_asked(&self) -> impl Iterator<Item = &Subject> {
+        self.subjects.iter().flat_map(|subject| std::iter::once(subject).chain(&subject.pieces))
     }
 
     /// Whether the first questions about the subjects all have a recorded answer.
@@ -323,21 +424,24 @@ impl<'a> QuerySession<'a> {
         Answers::new(outcomes.into_iter().map(answer).collect())
     }
 
-    /// The most probable choice for each piece of the object, as an answer about its first region in the view that shows it
-    /// best.
-    fn of_pieces(&self, recognized: &Recognition) -> Answers {
-        let answered = |piece: &Piece| {
-            let choice = &piece.choices[piece.most_probable(&recognized.hypotheses)];
-            Some((self.best_place(piece)?, Outcome::Answered(choice.answer.clone())))
+    /// The most probable way in which each piece of the object may be made, as an answer about its first region in the view that
+    /// shows it best; its confidence is its probability.
+    fn of_pieces(&self, recognized: &ObjectAnswers) -> Answers {
+        let alternatives = recognized.alternatives();
+        let probabilities = recognized.probabilities(&alternatives);
+        let answered = |(piece, (of, probabilities)): (&Piece, (&Vec<Alternative>, &Vec<f64>))| {
+            let best = (0..of.len()).rev().max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]))?;
+            let answer = Answer { confidence: probabilities[best], ..of[best].answer.clone() };
+            Some((self.best_place(piece)?, Outcome::Answered(answer)))
         };
-        self.named(recognized.pieces.iter().filter_map(answered).collect())
+        let pieces = recognized.recognition.pieces.iter().zip(alternatives.iter().zip(&probabilities));
+        self.named(pieces.filter_map(answered).collect())
     }
 
     /// The first region of a piece in the view that shows it best; `None` if no view shows it.
     fn best_place(&self, piece: &Piece) -> Option<SubjectInView> {
         let id = *piece.numbers.first()?;
-        let regions = self.subjects.iter().flat_map(|subject| std::iter::once(subject).chain(&subject.pieces));
-        let view = *regions.filter(|region| region.id == id).find_map(|region| region.views.first())?;
+        let view = *self.regions_asked().filter(|region| region.id == id).find_map(|region| region.views.first())?;
         Some(SubjectInView { view, id })
     }
 

@@ -20,6 +20,8 @@ pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};
 pub use answer::recognition::{Choice, Hypothesis, Piece, Printed, Recognition, Unnumbered};
 pub use ask::direct::DirectGuess;
+pub use ask::evidence::{Alternative, ObjectAnswers, PartQuestion};
+pub use ask::follow_up::{Region, Why};
 pub use ask::queries::{Queries, ViewSubjects};
 pub use ask::recognition::Side;
 pub use ask::run::{Preview, Run};

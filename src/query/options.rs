@@ -21,6 +21,10 @@ pub const KEY_VARIABLE: &str = "OPENAI_API_KEY";
 /// rest is room for models that think aloud.
 const MAX_TOKENS: u32 = 4000;
 const PARALLEL: usize = 4;
+/// A page of them is answered by hand in five minutes.
+const MAX_QUESTIONS: usize = 8;
+/// More parts than any object has.
+const QUESTIONS: Domain<usize> = from_to(0, 1000);
 const TIMEOUT_S: u64 = 120;
 /// A server that asks for a longer wait is as good as down.
 const WAIT_S: u64 = 300;
@@ -105,6 +109,10 @@ pub struct Options {
     /// What the question about the whole object may tell besides its pictures
     #[arg(long, value_enum, default_value_t)]
     pub hints: Hints,
+
+    /// Most questions about single parts that may follow the one about the object
+    #[arg(long, value_name = "N", default_value_t = MAX_QUESTIONS, value_parser = QUESTIONS)]
+    pub max_questions: usize,
 
     /// Materials to choose from: those that match a label of ABO's or MVImgNet's evaluation, or those that a text file
     /// names, one material, family or label per line [default: the whole library]
@@ -200,6 +208,7 @@ impl Options {
     /// # Errors
     /// [`OptionError`], which names the option.
     pub fn check(&self) -> Result<(), OptionError> {
+        QUESTIONS.check("--max-questions", self.max_questions)?;
         SIDE.check("--sheet-size", self.sheet_size)?;
         TEMPERATURE.check("--lmm-temperature", self.lmm_temperature)?;
         TOKENS.check("--lmm-max-tokens", self.lmm_max_tokens)?;

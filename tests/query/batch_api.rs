@@ -158,7 +158,14 @@ impl Place {
         };
         let views = self.views.iter().map(view).collect();
         let (home, hidden) = (self.home.path(), Progress::Hidden);
-        let subjects = Subjects { views, subjects, ask_views, about: AskAbout::Segments, whole: WholeViews::default() };
+        let subjects = Subjects {
+            views,
+            subjects,
+            ask_views,
+            about: AskAbout::Segments,
+            whole: WholeViews::default(),
+            regions: Vec::new(),
+        };
         QuerySession::new(options, subjects, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
     }
 

@@ -77,7 +77,12 @@ fn ball(object: impl Fn(&[u16]) -> Value + Send + Sync + 'static) -> Asked {
     Asked { balls, count }
 }
 
+/// Without questions about parts that follow.
 fn run(balls: &Balls, more: &[&str]) -> Output {
+    run_asking(balls, "object", &[&["--max-questions", "0"], more].concat())
+}
+
+fn run_with_follow_ups(balls: &Balls, more: &[&str]) -> Output {
     run_asking(balls, "object", more)
 }
 
@@ -156,6 +161,50 @@ fn a_hypothesis_that_does_not_fit_the_shape_loses() {
     let found = parts(&balls);
     assert!(found["belief"]["hypotheses"][0]["probability"].as_f64().unwrap() > 0.9, "{}", found["belief"]);
     assert_eq!(found["parts"][0]["material"], "beech, european");
+}
+
+#[test]
+fn a_part_that_decides_the_mass_is_asked_about_by_itself() {
+    let Asked { balls, count } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
+    assert!(ask(&balls, &["--to", "parts"]).status.success());
+    let wood = |found: &Value| found["belief"]["parts"][0]["choices"][0]["probability"].as_f64().unwrap();
+    let before = parts(&balls);
+    assert_eq!((count.load(Ordering::SeqCst), &before["belief"]["parts"][0]["asked"]), (1, &Value::Null));
+
+    // Nobody can be asked: what is known serves, and a note says what would be asked.
+    let alone = run_with_follow_ups(&balls, &["--to", "parts"]);
+    assert!(alone.status.success(), "{}", said(&alone));
+    assert!(file(&balls, "run.json").contains("no recorded answer, so the answer about the object stands"));
+    assert_eq!(wood(&parts(&balls)), wood(&before));
+    let folder = balls.scene(0).join("questions");
+    let mut export = gprop();
+    let export = export.arg("query").arg(balls.scene(0)).args(["--ask", "object", "--export"]).arg(&folder);
+    let export = export.output().unwrap();
+    assert!(export.status.success() && said(&export).contains("1 question"), "{}", said(&export));
+
+    // The same command with a server asks it, and only it.
+    let server = balls.answers();
+    let server = server.each_ref().map(String::as_str);
+    let asked = run_with_follow_ups(&balls, &server);
+    assert!(asked.status.success(), "{}", said(&asked));
+    assert_eq!(count.load(Ordering::SeqCst), 2);
+    let found = parts(&balls);
+    let question = &found["belief"]["parts"][0]["asked"];
+    assert_eq!((&question["why"]["reason"], &question["material"]), (&json!("mass"), &json!(a("wood"))), "{question}");
+    assert!(wood(&found) > 0.8 && wood(&found) > wood(&before), "{} {}", wood(&before), wood(&found));
+    assert!(file(&balls, "run.json").contains("is asked about because what it is made of decides"));
+    assert!(file(&balls, "report.html").contains("asked about by itself"));
+    let object: Value = serde_json::from_str(&file(&balls, "object.json")).unwrap();
+    assert_eq!(object["questions"][0]["outcome"]["status"], "answered", "{object}");
+
+    // A folder of its own gets the same from what is recorded.
+    let again = balls.scene(0).join("again");
+    let replayed = run_with_follow_ups(&balls, &["--answers", "replay", "--out", again.to_str().unwrap()]);
+    assert!(replayed.status.success(), "{}", said(&replayed));
+    for name in ["parts.json", "object.json", "answers.jsonl"] {
+        assert_eq!(fs::read_to_string(again.join(name)).unwrap(), file(&balls, name), "{name}");
+    }
+    assert_eq!(count.load(Ordering::SeqCst), 2);
 }
 
 #[test]

@@ -2,7 +2,7 @@
 //!
 //! The unknowns are the object's identity (a [`Hypothesis`]), the way in which each piece is made (a choice), and under each
 //! of them the continuous ones of [`unknowns`](super::mass::unknowns). A [state](mod@states) is one combination of identity and
-//! choices; its prior probability is what the model says. Under a state, shape and materials give a belief about the mass, and so
+//! choices; its prior probability is what the model says of the object, times the likelihood of what it says of parts by themselves. Under a state, shape and materials give a belief about the mass, and so
 //! does the model's own estimate for such a thing; both are [`Spread`]s of its logarithm, independent of each other:
 //!
 //! p(state, m) is proportional to p(state) * shape(m | state) * stated(m | hypothesis) / overlap(state)
@@ -16,9 +16,9 @@ pub mod states;
 
 use super::mass::unknowns::{Belief, Effect, Owner, PRINTED_ERROR, Quantity, Source, Unknowns};
 use super::mass::weights::Weight;
-use super::result::{BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
+use super::result::{AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
 use crate::materials::MaterialLibrary;
-use crate::query::{Hypothesis, Piece, Printed, Recognition, Unnumbered};
+use crate::query::{Alternative, Hypothesis, ObjectAnswers, Piece, Printed, Unnumbered};
 use crate::units::{Estimate, Range};
 use crate::vote::{Contents, FieldLabel, MaterialField};
 use spread::{Curve, Spread};
@@ -31,6 +31,8 @@ pub struct Possibilities {
     pub hypotheses: Vec<Hypothesis>,
     /// By label of the field; those of which nothing more is known have no choices.
     pub of_label: Vec<Vec<Possible>>,
+    /// By label, the question about the part by itself, if there was one.
+    pub asked: Vec<Option<AskedPart>>,
     pub printed: Option<Printed>,
     pub unnumbered: Vec<Unnumbered>,
 }
@@ -41,6 +43,10 @@ pub struct Possible {
     pub label: FieldLabel,
     /// Its probability among the part's choices, by hypothesis.
     pub under: Vec<f64>,
+    /// How probable the answer about the part by itself is if this is so, relative to the other choices; 1 if there is none.
+    pub likelihood: f64,
+    /// Its probability as the answer about the object states it.
+    pub stated_probability: f64,
 }
 
 impl Believed {
@@ -77,27 +83,31 @@ impl Believed {
 }
 
 impl Possibilities {
-    /// What was recognized in the parts of the field.
-    pub fn new(recognized: &Recognition, field: &MaterialField, library: &MaterialLibrary) -> Self {
-        let hypotheses = &recognized.hypotheses;
-        let of_piece = |id: u32, piece: &Piece| -> Vec<Possible> {
-            let under: Vec<Vec<f64>> =
-                (0..hypotheses.len()).map(|hypothesis| piece.probabilities(hypothesis)).collect();
-            let possible = |(choice, answer)| Possible {
-                label: FieldLabel::answered(id, answer, library),
-                under: under.iter().map(|probabilities| probabilities[choice]).collect(),
-            };
-            piece.choices.iter().map(|choice| &choice.answer).enumerate().map(possible).collect()
+    /// What was answered about the object, in the parts of the field.
+    pub fn new(answered: &ObjectAnswers, field: &MaterialField, library: &MaterialLibrary) -> Self {
+        let ObjectAnswers { recognition, .. } = answered;
+        let alternatives = answered.alternatives();
+        let piece_of = |label: &FieldLabel| {
+            let is_its = |piece: &Piece| piece.numbers.first().is_some_and(|first| u32::from(*first) == label.id);
+            recognition.pieces.iter().position(is_its)
+        };
+        let possible = |id: u32, of: &Alternative| Possible {
+            label: FieldLabel::answered(id, &of.answer, library),
+            under: of.under.clone(),
+            likelihood: of.likelihood,
+            stated_probability: of.stated_probability,
         };
         let of_label = |label: &FieldLabel| {
-            let is_its = |piece: &&Piece| piece.numbers.first().is_some_and(|first| u32::from(*first) == label.id);
-            recognized.pieces.iter().find(is_its).map_or_else(Vec::new, |piece| of_piece(label.id, piece))
+            let of = piece_of(label).map_or(&[][..], |piece| &alternatives[piece]);
+            of.iter().map(|of| possible(label.id, of)).collect()
         };
+        let asked = |label: &FieldLabel| answered.question_about(piece_of(label)?).map(AskedPart::of);
         Self {
-            hypotheses: hypotheses.clone(),
+            hypotheses: recognition.hypotheses.clone(),
             of_label: field.labels.iter().map(of_label).collect(),
-            printed: recognized.printed.clone(),
-            unnumbered: recognized.unnumbered.clone(),
+            asked: field.labels.iter().map(asked).collect(),
+            printed: recognition.printed.clone(),
+            unnumbered: recognition.unnumbered.clone(),
         }
     }
 
@@ -231,7 +241,8 @@ fn hypotheses(possible: &Possibilities, curves: &[(Curve, f64)], probabilities: 
 fn states(possible: &Possibilities) -> Vec<State> {
     let hypotheses: Vec<f64> = possible.hypotheses.iter().map(|of| of.probability).collect();
     let of_label = |choices: &Vec<Possible>| -> Vec<Vec<f64>> {
-        let under = |hypothesis: usize| choices.iter().map(|choice| choice.under[hypothesis]).collect();
+        let under =
+            |hypothesis: usize| choices.iter().map(|choice| choice.under[hypothesis] * choice.likelihood).collect();
         if choices.is_empty() { vec![vec![1.0]; hypotheses.len()] } else { (0..hypotheses.len()).map(under).collect() }
     };
     let thing = |of: &Unnumbered| vec![vec![1.0 - of.probability, of.probability]; hypotheses.len()];
@@ -328,7 +339,7 @@ fn parts(
     let of_label = |(label, choices): (usize, &Vec<Possible>)| {
         let choice = |(index, choice): (usize, &Possible)| BelievedChoice {
             material: choice.label.material.clone(),
-            stated_probability: possible.hypotheses.iter().zip(&choice.under).map(|(h, p)| h.probability * p).sum(),
+            stated_probability: choice.stated_probability,
             probability: probability_of(states, posterior, label, index),
         };
         let first = choices.first()?;
@@ -336,6 +347,7 @@ fn parts(
             id: first.label.id,
             choices: choices.iter().enumerate().map(choice).collect(),
             taken: taken[label]?,
+            asked: possible.asked[label].clone(),
         })
     };
     possible.of_label.iter().enumerate().filter_map(of_label).collect()
@@ -401,8 +413,12 @@ mod tests {
     fn two_parts() -> (Possibilities, Vec<Vec<Weight>>, Vec<Vec<FieldLabel>>, Unknowns) {
         let library = MaterialLibrary::builtin();
         let label = |id: u32, material: &str| FieldLabel::of(id, library.get(material).unwrap());
-        let possible =
-            |id, material: &str, under: [f64; 2]| Possible { label: label(id, material), under: under.into() };
+        let possible = |id, material: &str, under: [f64; 2]| Possible {
+            label: label(id, material),
+            under: under.into(),
+            likelihood: 1.0,
+            stated_probability: 0.5,
+        };
         let hypothesis = |what: &str, probability, low, high| Hypothesis {
             what: what.to_owned(),
             probability,
@@ -414,6 +430,7 @@ mod tests {
                 vec![possible(1, "stainless steel 304", [0.8, 0.1]), possible(1, "abs", [0.2, 0.9])],
                 vec![possible(2, "ash, white", [1.0, 0.5]), possible(2, "abs", [0.0, 0.5])],
             ],
+            asked: vec![None; 2],
             printed: None,
             unnumbered: Vec::new(),
         };

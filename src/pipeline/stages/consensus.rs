@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::consensus::masks::{PartMasks, part_masks};
 use crate::consensus::{self, AskAbout, Part, Parts, SegmentedView};
 use crate::error::Result;
-use crate::files::npz::NpzWriter;
+use crate::files::npz::{Npz, NpzWriter};
 use crate::scene::View;
 use crate::segment::{LabelMap, Segmentation};
 use crate::words::output::{agreeing, counted};
@@ -143,6 +143,25 @@ impl Stored for FoundParts {
             Ok(map)
         };
         Ok(Self { maps: open.views.iter().map(map).collect::<Result<_>>()?, parts })
+    }
+}
+
+/// For every Gaussian, the id of its piece; of its part if that has no pieces.
+pub struct PartOfGaussian(pub Vec<u16>);
+
+impl Stored for PartOfGaussian {
+    const STAGE: Stage = Stage::Consensus;
+
+    fn load(open: &OpenScene) -> Result<Self> {
+        let damaged = |problem: &dyn std::fmt::Display| open.work.damaged(Artifact::PartOfGaussian, problem);
+        let bytes = open.work.read(Artifact::PartOfGaussian)?;
+        let ids = Npz::new(bytes).and_then(|mut archive| archive.f32s("part")).map_err(|problem| damaged(&problem))?;
+        let known = open.get::<FoundParts>()?.parts.len() as f32;
+        let are_known = ids.iter().all(|id| id.fract() == 0.0 && (1.0..=known).contains(id));
+        if ids.len() != open.scene.gaussians.len() || !are_known {
+            return Err(damaged(&"its numbers are not those of the parts, one for each Gaussian").into());
+        }
+        Ok(Self(ids.into_iter().map(|id| id as u16).collect()))
     }
 }
 

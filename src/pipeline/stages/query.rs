@@ -12,8 +12,8 @@ use crate::error::Result;
 use crate::gaussians::bounds::least_box;
 use crate::query::ask::hints;
 use crate::query::{
-    AnswerSource, Answers, Hints, LabelSet, Match, Options, Outcome, Preview, Purpose, Size, SubjectAnswer, SubjectId,
-    WholeAnswer, WholeOutcome,
+    AnswerSource, Answers, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion, Preview, Purpose,
+    Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
 };
 use crate::scene::{ScaleChoice, Scene, View};
 use crate::segment::LabelMap;
@@ -23,6 +23,7 @@ use crate::words::part_name::part_name;
 use crate::words::readable::significant;
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
+use super::recognized::Recognized;
 use super::scene;
 use super::subjects::FoundSubjects;
 use super::{Done, Job, OpenScene, Row, Stage, Stored};
@@ -79,9 +80,10 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let work = &open.work;
     let about = FoundSubjects::of(open)?;
     let session = session(open, &about, &open.options.query)?;
-    let Answered { answers, size: file, recognition } =
+    let Answered { mut answers, size: file, mut recognition } =
         session.answer_with_size(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer))?;
-    let answers = settled(answers);
+    settle(answers.all.iter_mut().map(|answer| &mut answer.outcome));
+    settle(questions_in(recognition.as_mut()).filter_map(|question| question.outcome.as_mut()));
     let jsonl = answers.to_jsonl();
     work.write(Artifact::Answers, jsonl.as_bytes())?;
     answers.require_any()?;
@@ -92,10 +94,15 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
         Some(recognition) => {
             work.write_json(Artifact::Object, recognition)?;
             outputs.extend([Artifact::Object, whole_sheet(Purpose::Recognition, &recognition.view)]);
-            if let WholeOutcome::Failed(failure) = &recognition.outcome {
-                warnings.push(format!(
+            match &recognition.outcome {
+                WholeOutcome::Answered(answered) => {
+                    let questions = answered.questions.iter();
+                    outputs.extend(questions.map(|of| Artifact::Sheet(&of.view, of.subject.number())));
+                    warnings.extend(answered.questions.iter().filter_map(failure_of));
+                }
+                WholeOutcome::Failed(failure) => warnings.push(format!(
                     "the model did not say what the object is, so its parts were asked about: {failure}"
-                ));
+                )),
             }
         }
         None => {
@@ -111,9 +118,42 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let digest = Hasher::new("answers").with(jsonl.as_bytes()).with_json(&file).with_json(&recognition).hex();
     let served = (open.options.consensus.ask == AskAbout::Object && recognition.is_none())
         .then(|| "what the object is has no recorded answer; those about its parts are used".to_owned());
-    let done = Done::writing(outputs).warning(warnings).noting(notes(&answers).into_iter().chain(served).collect());
+    let followed = recognition.as_ref().and_then(|answer| answer.outcome.answered());
+    let followed = followed.into_iter().flat_map(|answered| answered.questions.iter().map(reason_of));
+    let done = Done::writing(outputs)
+        .warning(warnings)
+        .noting(notes(&answers).into_iter().chain(served).chain(followed).collect());
     // Recordings are part of the key, and asking may have added some.
     Ok(Done { digest: Some(digest), key: Some(key(open, job.inputs.clone())?), ..done })
+}
+
+/// The questions about parts that followed the one about the object.
+fn questions_in(recognition: Option<&mut WholeAnswer<ObjectAnswers>>) -> impl Iterator<Item = &mut PartQuestion> {
+    let answered = recognition.and_then(|answer| match &mut answer.outcome {
+        WholeOutcome::Answered(answered) => Some(answered),
+        WholeOutcome::Failed(_) => None,
+    });
+    answered.into_iter().flat_map(|answered| &mut answered.questions)
+}
+
+/// Why a question about a part followed, and what came of it.
+fn reason_of(question: &PartQuestion) -> String {
+    let PartQuestion { view, subject, why, .. } = question;
+    let outcome = match &question.outcome {
+        Some(Outcome::Answered(answer)) => format!("answered {}", answer.material),
+        Some(Outcome::Failed(_)) => "not answered".to_owned(),
+        None => "no recorded answer, so the answer about the object stands; --lmm-url names a model to ask, or answer by hand \
+                 (gprop query SCENE --export DIR)"
+            .to_owned(),
+    };
+    format!("view {view}, {subject} is asked about because {why}: {outcome}")
+}
+
+fn failure_of(PartQuestion { view, subject, outcome, .. }: &PartQuestion) -> Option<String> {
+    match outcome {
+        Some(Outcome::Failed(failure)) => Some(format!("view {view}, {subject}: {failure}")),
+        Some(Outcome::Answered(_)) | None => None,
+    }
 }
 
 /// The size of the object with the scale that follows from it, and what the user should know about that scale.
@@ -177,7 +217,8 @@ pub fn session<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a O
         outer_size: outer_size(open)?,
         hints: hints(open, options),
     };
-    asking(open, options, Subjects { views, subjects, ask_views, about: about.about(), whole })
+    let regions = if whole.recognition.is_empty() { Vec::new() } else { about.regions(open)? };
+    asking(open, options, Subjects { views, subjects, ask_views, about: about.about(), whole, regions })
 }
 
 /// The question for the mass of the object alone, as the photos show it.
@@ -186,7 +227,8 @@ pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
     let views = open.views.iter().map(view).collect::<Result<_>>()?;
     let direct = sides(open, &vec![&LabelMap::default(); open.views.len()], SIDES_OF_GUESS);
     let whole = WholeViews { direct, outer_size: outer_size(open)?, ..WholeViews::default() };
-    let subjects = Subjects { views, subjects: Vec::new(), ask_views: 1, about: AskAbout::Object, whole };
+    let subjects =
+        Subjects { views, subjects: Vec::new(), ask_views: 1, about: AskAbout::Object, whole, regions: Vec::new() };
     asking(open, &open.options.query, subjects)
 }
 
@@ -246,7 +288,11 @@ fn asks_anew(open: &OpenScene) -> bool {
         let asked = open.options.scene.scale == ScaleChoice::Estimate;
         asked && estimated_scale(&open.work).is_ok_and(|scale| scale.is_none())
     };
-    let failed = || no_size() || read_answers(&open.work).is_ok_and(|answers| answers.failed().next().is_some());
+    let failed = || {
+        no_size()
+            || read_answers(&open.work).is_ok_and(|answers| answers.failed().next().is_some())
+            || open.get::<Recognized>().is_ok_and(|known| known.0.as_ref().is_some_and(ObjectAnswers::lacks_answers))
+    };
     match options.answers {
         AnswerSource::Replay => false,
         AnswerSource::Record => options.lmm_url.is_some() && failed(),
@@ -273,17 +319,16 @@ fn read_answers(work: &WorkDir) -> Result<Answers> {
     Ok(Answers::from_jsonl(&text).map_err(|problem| damaged(&problem))?)
 }
 
-/// The answers as any later run finds them: an answer that the model just gave counts as recorded for exactly this query.
-/// So a run that was killed while asking ends in the same bytes as one that was not, and a rerun of either has nothing to redo.
-fn settled(mut answers: Answers) -> Answers {
-    for segment in &mut answers.all {
-        if let Outcome::Answered(answer) = &mut segment.outcome
+/// Makes answers what any later run finds: one that the model just gave counts as recorded for exactly this query. So a run that
+/// was killed while asking ends in the same bytes as one that was not, and a rerun of either has nothing to redo.
+fn settle<'a>(outcomes: impl Iterator<Item = &'a mut Outcome>) {
+    for outcome in outcomes {
+        if let Outcome::Answered(answer) = outcome
             && answer.matched == Match::Live
         {
             answer.matched = Match::Exact;
         }
     }
-    answers
 }
 
 /// The recordings in a folder, sorted; none if it cannot be read.

@@ -7,13 +7,14 @@ use std::sync::Arc;
 
 use crate::consensus::AskAbout;
 use crate::error::Result;
+use crate::gaussians::bounds::least_extent;
 use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, SubjectInView};
-use crate::query::{Answers, Outcome, SubjectAnswer, SubjectId};
+use crate::query::{Answers, Outcome, Region, SubjectAnswer, SubjectId};
 use crate::segment::{LabelMap, Segmentation, ViewSegments};
 use crate::vote::AnsweredPart;
 
 use super::OpenScene;
-use super::consensus::{FoundPart, FoundParts, renamed};
+use super::consensus::{FoundPart, FoundParts, PartOfGaussian, ShownIn, renamed};
 use super::recognized::Recognized;
 
 /// What the questions are about, with the label maps that show it.
@@ -47,6 +48,34 @@ impl FoundSubjects {
         }
     }
 
+    /// Every part and piece of one, with how much of the object it is.
+    ///
+    /// # Errors
+    /// If the parts of the Gaussians cannot be read.
+    pub fn regions(&self, open: &OpenScene) -> Result<Vec<Region>> {
+        let Self::Parts(found) = self else { return Ok(Vec::new()) };
+        let (of_gaussian, gaussians) = (open.get::<PartOfGaussian>()?, &open.scene.gaussians);
+        let scale = open.scene.scale.as_ref().map(|scale| scale.meters_per_unit);
+        let all: f64 = found.parts.iter().filter(|of| of.part.piece_of.is_none()).map(|of| of.part.light).sum();
+        let mut of_views: BTreeMap<&str, f64> = BTreeMap::new();
+        for shown in found.parts.iter().filter(|of| of.part.piece_of.is_none()).flat_map(|of| &of.views) {
+            *of_views.entry(&shown.view).or_default() += f64::from(shown.pixels);
+        }
+        let view_share =
+            |shown: &ShownIn| f64::from(shown.pixels) / of_views.get(&*shown.view).copied().unwrap_or(f64::INFINITY);
+        let region = |FoundPart { part, views, .. }: &FoundPart| {
+            let is_its = |i: &usize| [of_gaussian.0[*i], found.part_of(of_gaussian.0[*i])].contains(&part.id);
+            let own = (0..gaussians.len()).filter(|i| !gaussians.is_set_aside(*i)).filter(is_its);
+            Region {
+                id: part.id,
+                view_share: views.iter().map(view_share).fold(0.0, f64::max).min(1.0),
+                area_share: if all > 0.0 { part.light / all } else { 0.0 },
+                depth_m: scale.map(|scale| scale * least_extent(own.map(|i| gaussians.center(i)))),
+            }
+        };
+        Ok(found.parts.iter().map(region).collect())
+    }
+
     /// The same for the text of a question.
     pub fn about(&self) -> AskAbout {
         match self {
@@ -76,7 +105,7 @@ impl FoundSubjects {
             }
         };
         if let Some(recognized) = &open.get::<Recognized>()?.0 {
-            let first = recognized.first_of_piece();
+            let first = recognized.recognition.first_of_piece();
             let first = |id: u16| first.get(&id).copied().unwrap_or(id);
             return Ok(found.maps.iter().map(|map| Cow::Owned(renamed(map, first))).collect());
         }

@@ -147,16 +147,6 @@ impl Piece {
             .or_else(|| normalized(self.choices.iter().map(|choice| choice.probability).collect()))
             .unwrap_or_else(|| vec![1.0 / self.choices.len() as f64; self.choices.len()])
     }
-
-    /// The index of the choice that is the most probable, over all hypotheses.
-    pub fn most_probable(&self, hypotheses: &[Hypothesis]) -> usize {
-        let mut total = vec![0.0; self.choices.len()];
-        for (index, hypothesis) in hypotheses.iter().enumerate() {
-            let under = self.probabilities(index);
-            total.iter_mut().zip(under).for_each(|(total, under)| *total += hypothesis.probability * under);
-        }
-        (0..total.len()).rev().max_by(|a, b| total[*a].total_cmp(&total[*b])).unwrap_or(0)
-    }
 }
 
 /// Weights as probabilities; `None` if they add up to nothing.
@@ -402,7 +392,6 @@ mod tests {
         let piece = &said.pieces[0];
         assert_eq!(piece.numbers, [1, 2]);
         assert_eq!([piece.probabilities(0), piece.probabilities(1)], [[1.0, 0.0], [0.0, 1.0]]);
-        assert_eq!(piece.most_probable(&said.hypotheses), 0);
         assert!(piece.choices.iter().all(|choice| choice.answer.family == "metal"), "{piece:?}");
         assert_eq!(piece.choices[0].answer.density_kg_m3, Range::new(7700.0, 8100.0), "as said, not the library's");
     }

@@ -3,7 +3,7 @@
 use minijinja::{Value, context};
 
 use super::data_uri;
-use crate::parts::{ObjectBelief, Parts};
+use crate::parts::{BelievedPart, ObjectBelief, Parts};
 use crate::report::Pictures;
 use crate::words::part_name::part_name;
 use crate::words::readable::{interval, significant};
@@ -21,9 +21,11 @@ pub fn object(parts: &Parts, pictures: &Pictures) -> Option<Value> {
             mass => of.mass_kg.map(|mass| interval(mass, 1.0)),
         }
     });
-    let choices = belief.parts.iter().filter(|part| part.choices.len() > 1).map(|part| {
+    let name = |part: &BelievedPart| {
         let of = parts.of_label(part.id);
-        let name = of.map_or_else(|| part.id.to_string(), |of| part_name(&of.caption, &of.material));
+        of.map_or_else(|| part.id.to_string(), |of| part_name(&of.caption, &of.material))
+    };
+    let choices = belief.parts.iter().filter(|part| part.choices.len() > 1).map(|part| {
         let choice = |choice: &crate::parts::BelievedChoice| {
             context! {
                 material => &choice.material,
@@ -31,12 +33,17 @@ pub fn object(parts: &Parts, pictures: &Pictures) -> Option<Value> {
                 probability => percent(choice.probability),
             }
         };
-        context! { name, choices => part.choices.iter().map(choice).collect::<Vec<_>>() }
+        context! { name => name(part), choices => part.choices.iter().map(choice).collect::<Vec<_>>() }
+    });
+    let asked = belief.parts.iter().filter_map(|part| {
+        let asked = part.asked.as_ref()?;
+        Some(context! { name => name(part), view => &asked.view, why => asked.why.to_string(), material => &asked.material })
     });
     Some(context! {
         sheet => pictures.object.as_ref().map(|jpeg| data_uri("image/jpeg", jpeg)),
         hypotheses => hypotheses.collect::<Vec<_>>(),
         choices => choices.collect::<Vec<_>>(),
+        asked => asked.collect::<Vec<_>>(),
         unnumbered => unnumbered(belief, &percent),
     })
 }

@@ -1,0 +1,325 @@
+//! What answers about parts by themselves say of the ways in which the pieces of an object may be made, which the answer about
+//! the whole object gave.
+//!
+//! An answer names one material out of the whole library with a confidence q, at least 1/3 (the one that is named is not less probable
+//! than each half of the rest) and at most 0.95. It leaves 1 - q to all others, and half of that to the rest of the family. So a choice of the same material has the likelihood q, one of another family (1 - q) / 2, and
+//! so has another material of the same family. But choices are named freely and looked up by words: if none is of just that
+//! material, all of its family are, with (1 + q) / 2. If none is of its family either, the answer is a choice of its own, with the
+//! prior probability that the truth is not among those that a model gives ([`OUTSIDE`]). Form and inside, if both answers
+//! say them, count as right in [`RIGHT`] of the cases.
+//!
+//! Choices and hypotheses then have the product of their probabilities and likelihoods: pieces are independent of each other, given
+//! the hypothesis.
+
+use serde::{Deserialize, Serialize};
+
+use super::follow_up::Why;
+use crate::query::{Answer, Form, Inside, Outcome, Piece, Recognition, SubjectId};
+use crate::units::Range;
+
+/// As for the ends of ranges: one of ten things is none of what the model says.
+const OUTSIDE: f64 = 0.1;
+/// As for ranges.
+const RIGHT: f64 = 0.9;
+/// The confidences that count.
+const CONFIDENCE: Range = Range::new(1.0 / 3.0, 0.95);
+
+/// What was answered about the object: as a whole, and then about some of its parts.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct ObjectAnswers {
+    #[serde(flatten)]
+    pub recognition: Recognition,
+    #[serde(default)]
+    pub questions: Vec<PartQuestion>,
+}
+
+/// A question about a part by itself that followed the one about the object.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct PartQuestion {
+    /// The index of the piece to which the part belongs.
+    pub piece: usize,
+    pub view: String,
+    /// What the question showed.
+    #[serde(flatten)]
+    pub subject: SubjectId,
+    pub why: Why,
+    /// `None` if it is not recorded, and nobody could be asked.
+    pub outcome: Option<Outcome>,
+}
+
+/// A way in which a piece may be made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Alternative {
+    pub answer: Answer,
+    /// Its probability among the piece's alternatives, by hypothesis, before any answer about the part.
+    pub under: Vec<f64>,
+    /// How probable the answer about the part is if this is so, relative to the other alternatives.
+    pub likelihood: f64,
+    /// Its probability as the answer about the object states it: 0 if that does not have it.
+    pub stated_probability: f64,
+}
+
+impl PartQuestion {
+    pub fn answer(&self) -> Option<&Answer> {
+        match &self.outcome {
+            Some(Outcome::Answered(answer)) => Some(answer),
+            Some(Outcome::Failed(_)) | None => None,
+        }
+    }
+}
+
+impl ObjectAnswers {
+    /// Why it cannot be what gprop wrote: a work folder may come from anyone.
+    pub fn problem(&self) -> Option<String> {
+        let is_known = |question: &PartQuestion| question.piece < self.recognition.pieces.len();
+        let unknown = || "it has a question about a piece that it does not have".to_owned();
+        self.recognition.problem().or_else(|| (!self.questions.iter().all(is_known)).then(unknown))
+    }
+
+    /// True if a question that followed has no answer.
+    pub fn lacks_answers(&self) -> bool {
+        self.questions.iter().any(|question| question.answer().is_none())
+    }
+
+    /// The question about the piece of this index by itself, if there was one.
+    pub fn question_about(&self, piece: usize) -> Option<&PartQuestion> {
+        self.questions.iter().find(|question| question.piece == piece)
+    }
+
+    /// By piece, the ways in which it may be made: those of its choices, in their order, and what an answer adds.
+    pub fn alternatives(&self) -> Vec<Vec<Alternative>> {
+        let of_piece = |(index, piece): (usize, &Piece)| {
+            let stated = self.stated(piece);
+            match self.question_about(index).and_then(PartQuestion::answer) {
+                Some(said) => weighed(stated, said),
+                None => stated,
+            }
+        };
+        self.recognition.pieces.iter().enumerate().map(of_piece).collect()
+    }
+
+    fn stated(&self, piece: &Piece) -> Vec<Alternative> {
+        let hypotheses = &self.recognition.hypotheses;
+        let under: Vec<Vec<f64>> = (0..hypotheses.len()).map(|hypothesis| piece.probabilities(hypothesis)).collect();
+        let alternative = |(choice, answer): (usize, &Answer)| {
+            let under: Vec<f64> = under.iter().map(|probabilities| probabilities[choice]).collect();
+            let stated_probability = hypotheses.iter().zip(&under).map(|(of, under)| of.probability * under).sum();
+            Alternative { answer: answer.clone(), under, likelihood: 1.0, stated_probability }
+        };
+        piece.choices.iter().map(|choice| &choice.answer).enumerate().map(alternative).collect()
+    }
+
+    /// By piece, the probabilities of these alternatives after all answers.
+    pub fn probabilities(&self, alternatives: &[Vec<Alternative>]) -> Vec<Vec<f64>> {
+        let hypotheses = &self.recognition.hypotheses;
+        let evidence = |piece: &[Alternative], hypothesis: usize| -> f64 {
+            piece.iter().map(|of| of.under[hypothesis] * of.likelihood).sum()
+        };
+        let weight = |hypothesis: usize| {
+            let of_pieces: f64 = alternatives.iter().map(|piece| evidence(piece, hypothesis)).product();
+            hypotheses[hypothesis].probability * of_pieces
+        };
+        let weights: Vec<f64> = (0..hypotheses.len()).map(weight).collect();
+        let all: f64 = weights.iter().sum();
+        let of_alternative = |piece: &[Alternative], of: &Alternative| -> f64 {
+            let under = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
+            under.map(|(h, weight)| weight / all * of.under[h] * of.likelihood / evidence(piece, h)).sum()
+        };
+        alternatives.iter().map(|piece| piece.iter().map(|of| of_alternative(piece, of)).collect()).collect()
+    }
+}
+
+/// How an answer about a part agrees with a way in which its piece may be made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Agreement {
+    Material,
+    Family,
+    None,
+}
+
+fn agreement(of: &Answer, said: &Answer) -> Agreement {
+    match (of.material == said.material, of.family == said.family) {
+        (true, _) => Agreement::Material,
+        (false, true) => Agreement::Family,
+        (false, false) => Agreement::None,
+    }
+}
+
+/// The alternatives after the answer about the part.
+fn weighed(mut alternatives: Vec<Alternative>, said: &Answer) -> Vec<Alternative> {
+    let agreements: Vec<Agreement> = alternatives.iter().map(|of| agreement(&of.answer, said)).collect();
+    let q = said.confidence.clamp(CONFIDENCE.low, CONFIDENCE.high);
+    let (same, if_same) = match agreements.contains(&Agreement::Material) {
+        true => (Agreement::Material, q),
+        false => (Agreement::Family, 0.5 * (1.0 + q)),
+    };
+    for (of, agreement) in alternatives.iter_mut().zip(&agreements) {
+        let agrees = *agreement == same;
+        of.likelihood = if agrees { if_same } else { 0.5 * (1.0 - q) } * likelihood_of_make(&of.answer, said);
+        if agrees {
+            of.answer = joined(&of.answer, said);
+        }
+    }
+    if !agreements.contains(&same) {
+        let (hypotheses, caption) = match alternatives.first() {
+            Some(of) => (of.under.len(), of.answer.caption.clone()),
+            None => return alternatives,
+        };
+        alternatives.iter_mut().flat_map(|of| &mut of.under).for_each(|probability| *probability *= 1.0 - OUTSIDE);
+        alternatives.push(Alternative {
+            answer: Answer { caption, ..said.clone() },
+            under: vec![OUTSIDE; hypotheses],
+            likelihood: q * RIGHT * RIGHT,
+            stated_probability: 0.0,
+        });
+    }
+    alternatives
+}
+
+/// How well an answer's form and inside fit those of an alternative.
+fn likelihood_of_make(of: &Answer, said: &Answer) -> f64 {
+    let as_often = |same: bool| if same { RIGHT } else { 1.0 - RIGHT };
+    let form = as_often(std::mem::discriminant(&of.form) == std::mem::discriminant(&said.form));
+    let inside = match (&of.inside, &said.inside) {
+        (Some(Inside::Empty | Inside::Filled { .. }), Some(Inside::Empty | Inside::Filled { .. })) => {
+            let are_filled = [of, said].map(|answer| matches!(answer.inside, Some(Inside::Filled { .. })));
+            as_often(are_filled[0] == are_filled[1])
+        }
+        _ => RIGHT,
+    };
+    form * inside
+}
+
+/// What both answers say of one way: what the question about the object does not ask for is from the answer about the part,
+/// if that is about the same material; walls and shares of fillings are the mean of both, on a logarithmic scale. The mean is no
+/// narrower than the two, which are not independent of each other.
+fn joined(of_object: &Answer, of_part: &Answer) -> Answer {
+    let mut joined = of_object.clone();
+    if of_object.material == of_part.material {
+        let Answer { youngs_modulus_pa, poisson_ratio, yield_strength_pa, hardness, friction_rubber, .. } = *of_part;
+        joined = Answer { youngs_modulus_pa, poisson_ratio, yield_strength_pa, hardness, friction_rubber, ..joined };
+    }
+    if let (Form::Shell { wall_thickness_m: a }, Form::Shell { wall_thickness_m: b }) = (of_object.form, of_part.form) {
+        joined.form = Form::Shell { wall_thickness_m: mean(a, b) };
+    }
+    if let (Some(Inside::Filled { filling, share, .. }), Some(Inside::Filled { filling: other, share: b, .. })) =
+        (&mut joined.inside, &of_part.inside)
+        && filling == other
+    {
+        *share = mean(*share, *b);
+    }
+    joined
+}
+
+fn mean(a: Range, b: Range) -> Range {
+    Range::new((a.low * b.low).sqrt(), (a.high * b.high).sqrt())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::materials::MaterialLibrary;
+    use crate::query::{Choice, Hypothesis, Match};
+
+    fn answer(material: &str, confidence: f64) -> Answer {
+        let row = MaterialLibrary::builtin().get(material).unwrap();
+        Answer { confidence, matched: Match::Exact, ..Answer::of(row) }
+    }
+
+    fn wall(low: f64, high: f64, of: Answer) -> Answer {
+        Answer { form: Form::Shell { wall_thickness_m: Range::new(low, high) }, ..of }
+    }
+
+    /// An object that is real with 0.7 and of one piece, made in one of these ways under the hypotheses of these indices; the
+    /// answer about it by itself is `said`.
+    fn asked(choices: &[(&[usize], f64, Answer)], said: Answer) -> ObjectAnswers {
+        let hypothesis =
+            |probability| Hypothesis { what: "a thing".to_owned(), probability, mass_kg: Range::new(0.1, 0.2) };
+        let choice = |(under, probability, answer): &(&[usize], f64, Answer)| Choice {
+            under: under.to_vec(),
+            probability: *probability,
+            answer: answer.clone(),
+        };
+        let piece =
+            Piece { numbers: vec![1], caption: "a globe".to_owned(), choices: choices.iter().map(choice).collect() };
+        let recognition = Recognition {
+            object: "a thing".to_owned(),
+            printed: None,
+            hypotheses: vec![hypothesis(0.7), hypothesis(0.3)],
+            pieces: vec![piece],
+            unnumbered: Vec::new(),
+        };
+        let question = PartQuestion {
+            piece: 0,
+            view: "000".to_owned(),
+            subject: SubjectId::Part(1),
+            why: Why::Material { probability: 0.6, view_share: 0.1 },
+            outcome: Some(Outcome::Answered(said)),
+        };
+        ObjectAnswers { recognition, questions: vec![question] }
+    }
+
+    fn probabilities(answers: &ObjectAnswers) -> Vec<f64> {
+        let alternatives = answers.alternatives();
+        answers.probabilities(&alternatives).remove(0)
+    }
+
+    #[test]
+    fn an_answer_about_a_part_decides_between_alternatives() {
+        let choices = [(&[0, 1][..], 0.6, answer("pc", 0.6)), (&[0, 1], 0.4, answer("soda-lime glass, float", 0.4))];
+        // Its row is none of the two, but of the family of one: 0.6 x 0.2 against 0.4 x 0.8.
+        let found = probabilities(&asked(&choices, answer("opal glass", 0.6)));
+        assert!((found[1] - 0.32 / 0.44).abs() < 1e-12, "{found:?}");
+        // Its row is one of the two: 0.6 x 0.6 against 0.4 x 0.2.
+        let found = probabilities(&asked(&choices, answer("pc", 0.6)));
+        assert!((found[0] - 0.36 / 0.44).abs() < 1e-12, "{found:?}");
+        let sure = probabilities(&asked(&choices, answer("opal glass", 1.0)));
+        assert!(sure[0] > 0.0, "no answer excludes anything: {sure:?}");
+    }
+
+    #[test]
+    fn an_answer_about_a_part_counts_for_what_the_object_is() {
+        let steel_if_real = [(&[0][..], 1.0, answer("steel, mild", 1.0)), (&[1][..], 1.0, answer("abs", 1.0))];
+        let found = probabilities(&asked(&steel_if_real, answer("abs", 0.8)));
+        // 0.7 x 0.1 against 0.3 x 0.8.
+        assert!((found[1] - 0.24 / 0.31).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn an_answer_that_the_object_did_not_give_becomes_possible() {
+        let choices = [(&[0, 1][..], 1.0, answer("steel, mild", 1.0))];
+        let answers = asked(&choices, answer("abs", 0.8));
+        let alternatives = answers.alternatives();
+        let added = &alternatives[0][1];
+        assert_eq!((&*added.answer.material, &*added.answer.caption), ("abs", &*alternatives[0][0].answer.caption));
+        assert_eq!(added.stated_probability, 0.0);
+        // 0.9 x 0.1 against 0.1 x 0.8.
+        let found = probabilities(&answers);
+        assert!((found[1] - 0.08 / 0.17).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn form_counts_and_walls_are_the_mean_of_both() {
+        let choices = [
+            (&[0, 1][..], 0.5, answer("stoneware", 0.5)),
+            (&[0, 1][..], 0.5, wall(0.002, 0.008, answer("stoneware", 0.5))),
+        ];
+        let answers = asked(&choices, wall(0.002, 0.002, answer("stoneware", 0.8)));
+        let found = probabilities(&answers);
+        assert!((found[1] - 0.9).abs() < 1e-12, "{found:?}");
+        let Form::Shell { wall_thickness_m: Range { low, high } } = answers.alternatives()[0][1].answer.form else {
+            panic!("it was a wall")
+        };
+        assert!((low - 0.002).abs() < 1e-12 && (high - 0.004).abs() < 1e-12, "{low} to {high}");
+    }
+
+    #[test]
+    fn a_question_without_an_answer_changes_nothing() {
+        let choices = [(&[0, 1][..], 0.6, answer("pc", 0.6)), (&[0, 1], 0.4, answer("abs", 0.4))];
+        let mut answers = asked(&choices, answer("pc", 0.9));
+        answers.questions[0].outcome = None;
+        assert!(answers.lacks_answers());
+        let found = probabilities(&answers);
+        assert!((found[0] - 0.6).abs() < 1e-12 && (found[1] - 0.4).abs() < 1e-12, "{found:?}");
+    }
+}
