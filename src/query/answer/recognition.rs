@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    BULK_DENSITY, FILL_SHARE, FILLING_DENSITY, Problem, Quantity, WALL_THICKNESS, WrittenMake, in_order, make, possible,
+    BULK_DENSITY, FILL_SHARE, FILLING_DENSITY, LIKENESS, Problem, Quantity, WALL_THICKNESS, WrittenMake, in_order,
+    make, possible,
 };
-use crate::materials::{Material, MaterialLibrary, fold};
+use crate::materials::{Family, Material, MaterialLibrary, fold};
 use crate::query::{Answer, Failure, Form};
 use crate::units::Range;
 
@@ -313,18 +314,31 @@ fn material<'a>(
     }
     // Names are the model's own here, often with words about the part in them: any material of the family that shares a word is
     // nearer than none.
-    let (found, likeness) = library.nearest_of_family(name, &family.name).ok_or_else(|| Problem {
-        reason: format!(
-            "the material {name:?} is not known among those of the family {}. Give a more usual name, such as {:?}.",
-            family.name,
-            library.of_family(&family.name).next().map_or("", |material| material.name.as_str())
-        ),
+    if let Some((found, likeness)) = library.nearest_of_family(name, &family.name) {
+        if fold(&found.name) != fold(name) {
+            flags.push(format!("{name:?} is taken for {} (similarity {likeness:.2})", found.name));
+        }
+        return Ok(found);
+    }
+    let found = without_a_word(written, family, library).ok_or_else(|| Problem {
+        reason: format!("the material {name:?} is not known, and neither is any of the family {}.", family.name),
         failure: Failure::UnknownMaterial { material: name.to_owned() },
     })?;
-    if fold(&found.name) != fold(name) {
-        flags.push(format!("{name:?} is taken for {} (similarity {likeness:.2})", found.name));
-    }
+    flags.push(format!("{name:?} is not known; {}, of the family {}, is the nearest", found.name, found.family));
     Ok(found)
+}
+
+/// What stands for a material that shares no word with any of its family: one of another family with nearly the same name, such as
+/// a thermoplastic elastomer, which is a rubber here; else the one of the family whose density is nearest to the answer's.
+fn without_a_word<'a>(
+    written: &WrittenChoice,
+    family: &'a Family,
+    library: &'a MaterialLibrary,
+) -> Option<&'a Material> {
+    let of_other = library.nearest(written.material.trim()).filter(|(_, likeness)| *likeness >= LIKENESS);
+    let off = |material: &&Material| (material.density_kg_m3.mid() - written.density_kg_m3.mid()).abs();
+    let by_density = || library.of_family(&family.name).min_by(|a, b| off(a).total_cmp(&off(b)));
+    of_other.map(|(material, _)| material).or_else(by_density)
 }
 
 fn printed(written: &Written) -> Option<Printed> {
@@ -410,7 +424,10 @@ mod tests {
             "tpu 85a",
             "the name counts, not the family beside it"
         );
-        assert!(material("unobtainium").unwrap_err().contains("is not known among those of the family metal"));
+        assert_eq!(material("thermoplastic elastomer (tpe)").unwrap(), "tpe, sebs 40a", "of another family");
+        let steel = material("unobtainium").unwrap();
+        let density = MaterialLibrary::builtin().get(&steel).unwrap().density_kg_m3;
+        assert!(density.low < 8100.0 && density.high > 7700.0, "{steel} is as dense as the answer says");
     }
 
     #[test]
