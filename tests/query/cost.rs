@@ -39,7 +39,7 @@ fn the_ledger_never_commits_more_than_the_budget() {
     let price = PriceTable::builtin().price("gpt-4o").cloned();
     // 700 characters are 200 tokens, a 512 x 512 picture 255: 455 input tokens at 2.50
     // and 1000 output tokens at 10 dollars per million.
-    let cost = Cost::of_request(&[&"x".repeat(700)], (512, 512), 1000, price.as_ref());
+    let cost = Cost::of_request(&[&"x".repeat(700)], (512, 512), 370, 1000, price.as_ref());
     assert_eq!(cost.input_tokens, 455);
     let most = 455.0 * 2.5e-6 + 1000.0 * 10e-6;
     assert!((cost.most_usd.unwrap() - most).abs() < 1e-12);
@@ -60,7 +60,7 @@ fn the_ledger_never_commits_more_than_the_budget() {
 #[test]
 fn what_may_have_been_billed_counts_at_its_most() {
     let price = PriceTable::builtin().price("gpt-4o").cloned();
-    let cost = Cost::of_request(&["a question"], (512, 512), 1000, price.as_ref());
+    let cost = Cost::of_request(&["a question"], (512, 512), 370, 1000, price.as_ref());
     let budget = Budget::new(price, Some(1.5 * cost.most_usd.unwrap()));
     drop(budget.account(cost).open().unwrap());
     let Spent { requests, unanswered, usd, .. } = budget.spent();
@@ -74,13 +74,13 @@ fn what_may_have_been_billed_counts_at_its_most() {
 #[test]
 fn a_budget_that_is_no_number_lets_nothing_through() {
     let price = PriceTable::builtin().price("gpt-4o").cloned();
-    let cost = Cost::of_request(&["a question"], (512, 512), 1000, price.as_ref());
+    let cost = Cost::of_request(&["a question"], (512, 512), 370, 1000, price.as_ref());
     for limit in [f64::NAN, f64::NEG_INFINITY, -1.0] {
         let budget = Budget::new(price.clone(), Some(limit));
         assert_eq!(budget.account(cost).open().unwrap_err(), NotSent::Budget, "{limit}");
     }
     // An unknown cost fits no budget.
-    let unknown = Cost::of_request(&["a question"], (512, 512), 1000, None);
+    let unknown = Cost::of_request(&["a question"], (512, 512), 370, 1000, None);
     assert_eq!(Budget::new(None, Some(9.0)).account(unknown).open().unwrap_err(), NotSent::Budget);
     assert!(Budget::new(None, None).account(unknown).open().is_ok());
 }

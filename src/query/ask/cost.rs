@@ -7,8 +7,6 @@ use crate::words::output::counted;
 
 /// Characters per token of English; prose has 4, but names of materials take more tokens.
 const CHARACTERS_PER_TOKEN: f64 = 3.5;
-/// Tokens of an answer with nineteen fields.
-const USUAL_OUTPUT_TOKENS: u64 = 370;
 /// For a vision model about which nothing is known: one token per square of this many pixels per side (as for
 /// Qwen2-VL).
 const UNKNOWN_PATCH: u32 = 28;
@@ -160,13 +158,20 @@ impl ImageTokens {
 }
 
 impl Cost {
-    /// The cost of one request with these texts and a sheet of this size in pixels.
-    pub fn of_request(texts: &[&str], sheet: (u32, u32), max_output_tokens: u32, price: Option<&Price>) -> Self {
+    /// The cost of one request with these texts and a sheet of this size in pixels, whose answer usually has `usual_tokens`
+    /// and at most `max_tokens`.
+    pub fn of_request(
+        texts: &[&str],
+        sheet: (u32, u32),
+        usual_tokens: u64,
+        max_tokens: u32,
+        price: Option<&Price>,
+    ) -> Self {
         let characters: usize = texts.iter().map(|text| text.chars().count()).sum();
         let text = (characters as f64 / CHARACTERS_PER_TOKEN).ceil() as u64;
         let image = price.map_or(ImageTokens::UNKNOWN, |price| price.image_tokens).count(sheet);
-        let most_output_tokens = u64::from(max_output_tokens);
-        let output_tokens = USUAL_OUTPUT_TOKENS.min(most_output_tokens);
+        let most_output_tokens = u64::from(max_tokens);
+        let output_tokens = usual_tokens.min(most_output_tokens);
         let input_tokens = text + image;
         let usd = |output_tokens| price.map(|price| price.usd(Usage { input_tokens, output_tokens }));
         Self {

@@ -6,12 +6,12 @@ use serde_json::Value;
 use super::whole::{Purpose, WHOLE, WholeQuestion};
 use crate::query::answer::Problem;
 use crate::query::options::Options;
-use crate::query::question::Question;
 use crate::query::question::prompt::{PromptError, Prompts};
 use crate::query::question::schema::Schema;
 use crate::query::question::sheet::Sheet;
 use crate::query::question::sheet::sides::Side;
 use crate::query::question::shown_subject::ShownSubject;
+use crate::query::question::{Question, TOKENS_OF_GUESS};
 use crate::query::recorded::Mask;
 use crate::units::Estimate;
 
@@ -55,6 +55,7 @@ pub fn question(
     let shown = ShownSubject::new(view, WHOLE, photo, Mask::of_foreground(&photo.foreground), &sheet);
     let (file, schema) = prompts.direct_schema();
     let question = Question::new(prompts.direct().to_owned(), Schema::new(file, schema.clone(), &[], &[])?);
+    let question = question.answered_in(TOKENS_OF_GUESS);
     Ok(WholeQuestion::new(Purpose::DirectGuess, shown, question, read))
 }
 

@@ -247,7 +247,7 @@ impl<'a> Live<'a> {
         let (response, prompt) = correction.map_or(("", ""), |correction| (correction.response, correction.prompt));
         let texts = [question.prompt.as_str(), response, prompt];
         let tokens = self.queries.options.lmm_max_tokens;
-        let cost = Cost::of_request(&texts, subject.sheet_size, tokens, self.budget.price());
+        let cost = Cost::of_request(&texts, subject.sheet_size, question.usual_tokens, tokens, self.budget.price());
         let request = Request { question, picture: &subject.jpeg, correction };
         let reply = self.asker.ask(request, &self.budget.account(cost));
         let Reply { content, usage, served_model } = reply.map_err(|error| match error {

@@ -78,7 +78,8 @@ impl<'a> Queries<'a> {
 
     /// The estimated cost of asking a question about the whole object, as in [`Self::cost`].
     pub fn cost_of_whole(&self, whole: &dyn AnyWholeQuestion, price: Option<&Price>) -> Cost {
-        Cost::of_request(&[&whole.question().prompt], whole.shown().sheet_size, self.options.lmm_max_tokens, price)
+        let (question, most) = (whole.question(), self.options.lmm_max_tokens);
+        Cost::of_request(&[&question.prompt], whole.shown().sheet_size, question.usual_tokens, most, price)
     }
 
     /// The estimated cost of asking these questions, each answered at the first try.
@@ -88,8 +89,8 @@ impl<'a> Queries<'a> {
         price: Option<&Price>,
     ) -> Cost {
         questions.fold(Cost::default(), |cost, (subject, question)| {
-            let tokens = self.options.lmm_max_tokens;
-            cost.plus(Cost::of_request(&[&question.prompt], subject.sheet_size, tokens, price))
+            let (usual, most) = (question.usual_tokens, self.options.lmm_max_tokens);
+            cost.plus(Cost::of_request(&[&question.prompt], subject.sheet_size, usual, most, price))
         })
     }
 }

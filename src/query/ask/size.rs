@@ -7,11 +7,11 @@ use serde_json::Value;
 use super::whole::{Purpose, WHOLE, WholeQuestion};
 use crate::query::answer::Problem;
 use crate::query::options::Options;
-use crate::query::question::Question;
 use crate::query::question::prompt::{PromptError, Prompts};
 use crate::query::question::schema::Schema;
 use crate::query::question::sheet::Sheet;
 use crate::query::question::shown_subject::ShownSubject;
+use crate::query::question::{Question, TOKENS_OF_GUESS};
 use crate::query::recorded::Mask;
 use crate::scene::Photo;
 use crate::units::Range;
@@ -53,6 +53,7 @@ pub fn question(
     let shown = ShownSubject::new(view, WHOLE, photo, mask, &sheet);
     let (file, schema) = prompts.size_schema();
     let question = Question::new(prompts.size().to_owned(), Schema::new(file, schema.clone(), &[], &[])?);
+    let question = question.answered_in(TOKENS_OF_GUESS);
     Ok(WholeQuestion::new(Purpose::Size, shown, question, read))
 }
 

@@ -27,12 +27,24 @@ pub struct Question {
     pub prompt: String,
     pub prompt_sha256: Sha256Hex,
     pub schema: Schema,
+    /// Tokens of an answer of the usual length.
+    pub usual_tokens: u64,
 }
 
+/// Tokens of an answer about a part, with nineteen fields.
+const TOKENS_OF_PART: u64 = 370;
+/// Tokens of an answer that names a thing, its clues and a range.
+pub(super) const TOKENS_OF_GUESS: u64 = 100;
+
 impl Question {
-    /// The question with this prompt, whose answers follow `schema`.
+    /// The question with this prompt, whose answers follow `schema` and are as long as those about a part.
     pub fn new(prompt: String, schema: Schema) -> Self {
-        Self { prompt_sha256: Sha256Hex::of(&prompt), prompt, schema }
+        Self { prompt_sha256: Sha256Hex::of(&prompt), prompt, schema, usual_tokens: TOKENS_OF_PART }
+    }
+
+    /// The same, with answers that usually have this many tokens.
+    pub fn answered_in(self, usual_tokens: u64) -> Self {
+        Self { usual_tokens, ..self }
     }
 
     /// True if this is what was asked.
