@@ -13,9 +13,9 @@ use crate::query::{Answers, Outcome, Region, SubjectAnswer, SubjectId};
 use crate::segment::{LabelMap, Segmentation, ViewSegments};
 use crate::vote::AnsweredPart;
 
-use super::OpenScene;
 use super::consensus::{FoundPart, FoundParts, PartOfGaussian, ShownIn, renamed};
 use super::recognized::Recognized;
+use super::{OpenScene, scene};
 
 /// What the questions are about, with the label maps that show it.
 pub enum FoundSubjects {
@@ -55,7 +55,7 @@ impl FoundSubjects {
     pub fn regions(&self, open: &OpenScene) -> Result<Vec<Region>> {
         let Self::Parts(found) = self else { return Ok(Vec::new()) };
         let (of_gaussian, gaussians) = (open.get::<PartOfGaussian>()?, &open.scene.gaussians);
-        let scale = open.scene.scale.as_ref().map(|scale| scale.meters_per_unit);
+        let scale = scene::scale(open)?.map(|scale| scale.meters_per_unit);
         let all: f64 = found.parts.iter().filter(|of| of.part.piece_of.is_none()).map(|of| of.part.light).sum();
         let mut of_views: BTreeMap<&str, f64> = BTreeMap::new();
         for shown in found.parts.iter().filter(|of| of.part.piece_of.is_none()).flat_map(|of| &of.views) {
