@@ -226,6 +226,7 @@ const OUTSIDE: &[(&str, Spoil)] = &[
     ("--cull-score", |o| o.segment.selection.cull_score = -0.1),
     ("--cull-inner", |o| o.segment.selection.cull_inner = f64::NAN),
     ("--ask-views", |o| o.consensus.ask_views = NonZeroUsize::new(1001).unwrap()),
+    ("--max-questions", |o| o.query.max_questions = 1001),
     ("--sheet-size", |o| o.query.sheet_size = 0),
     ("--lmm-temperature", |o| o.query.lmm_temperature = f64::NAN),
     ("--lmm-max-tokens", |o| o.query.lmm_max_tokens = 0),

@@ -1,5 +1,6 @@
 //! URDF: one link on a floating joint to a grain. MuJoCo welds a root link to the world, and it loses its mass; PyBullet knows no
-//! floating joint and fixes the link to its root, which moves if it has a mass and is not called "world". Meshes are OBJ files in `meshes/`: the skin with its picture, and the convex colliders.
+//! floating joint and fixes the link to its root, which moves if it has a mass and is not called "world". Meshes are OBJ files in
+//! `meshes/`: the skin with its picture, and the convex colliders.
 //!
 //! URDF itself has no friction. It is written in the three ways that readers understand: per collider for Drake, and per
 //! link for PyBullet and for Gazebo, which get the lowest friction of all parts. URDF has no soft contacts either.

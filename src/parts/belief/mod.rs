@@ -2,8 +2,9 @@
 //!
 //! The unknowns are the object's identity (a [`Hypothesis`]), the way in which each piece is made (a choice), and under each
 //! of them the continuous ones of [`unknowns`](super::mass::unknowns). A [state](mod@states) is one combination of identity and
-//! choices; its prior probability is what the model says of the object, times the likelihood of what it says of parts by themselves. Under a state, shape and materials give a belief about the mass, and so
-//! does the model's own estimate for such a thing; both are [`Spread`]s of its logarithm, independent of each other:
+//! choices; its prior probability is what the model says of the object, times the likelihood of what it says of parts by themselves.
+//! Under a state, shape and materials give a belief about the mass, and so does the model's own estimate for such a thing; both are
+//! [`Spread`]s of its logarithm, independent of each other:
 //!
 //! p(state, m) is proportional to p(state) * shape(m | state) * stated(m | hypothesis) / overlap(state)
 //!

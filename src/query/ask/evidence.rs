@@ -1,12 +1,12 @@
 //! What answers about parts by themselves say of the ways in which the pieces of an object may be made, which the answer about
 //! the whole object gave.
 //!
-//! An answer names one material out of the whole library with a confidence q, at least 1/3 (the one that is named is not less probable
-//! than each half of the rest) and at most 0.95. It leaves 1 - q to all others, and half of that to the rest of the family. So a choice of the same material has the likelihood q, one of another family (1 - q) / 2, and
-//! so has another material of the same family. But choices are named freely and looked up by words: if none is of just that
-//! material, all of its family are, with (1 + q) / 2. If none is of its family either, the answer is a choice of its own, with the
-//! prior probability that the truth is not among those that a model gives ([`OUTSIDE`]). Form and inside, if both answers
-//! say them, count as right in [`RIGHT`] of the cases.
+//! An answer names one material out of the whole library with a confidence q, at least 1/3 (the one that is named is not less
+//! probable than each half of the rest) and at most 0.95. It leaves 1 - q to all others, and half of that to the rest of the family.
+//! So a choice of the same material has the likelihood q, one of another family (1 - q) / 2, and so has another material of the same
+//! family. But choices are named freely and looked up by words: if none is of just that material, all of its family are, with
+//! (1 + q) / 2. If none is of its family either, the answer is a choice of its own, with the prior probability that the truth is not
+//! among those that a model gives ([`OUTSIDE`]). Form and inside, if both answers say them, count as right in [`RIGHT`] of the cases.
 //!
 //! Choices and hypotheses then have the product of their probabilities and likelihoods: pieces are independent of each other, given
 //! the hypothesis.

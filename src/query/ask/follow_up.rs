@@ -8,7 +8,8 @@
 //! until what is left is less than [`LEFT_SHARE`] of the variance.
 //!
 //! *Material.* A piece is undecided if its likeliest family of materials is less probable than [`DECIDED`], and visible if it is
-//! [`VISIBLE_SHARE`] of the object in some view. (Materials of one family are alike in what is done with them, or differ in density, which the first rule sees.)
+//! [`VISIBLE_SHARE`] of the object in some view. (Materials of one family are alike in what is done with them, or differ in density,
+//! which the first rule sees.)
 
 use std::collections::BTreeMap;
 

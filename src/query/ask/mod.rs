@@ -1,5 +1,5 @@
-//! Asks: [`rounds`] decides what to ask next, and [`follow_up`] what to ask once the object is known, [`run`] takes answers from recordings ([`replay`]) and asks an [`asker`] for
-//! the rest ([`live`]), within a [`budget`] that knows what a request may [`cost`].
+//! Asks: [`rounds`] decides what to ask next, and [`follow_up`] what to ask once the object is known; [`run`] takes answers from
+//! recordings ([`replay`]) and asks an [`asker`] for the rest ([`live`]), within a [`budget`] that knows what a request may [`cost`].
 
 pub mod asker;
 pub mod budget;
