@@ -250,14 +250,13 @@ impl<'a> QuerySession<'a> {
 
     /// Estimates what would be sent, and its cost.
     pub fn preview(&self, queries: &Queries) -> Preview {
-        let preview = queries.preview(&self.recordings, self.client.as_ref().map(Asker::answerer), self.price());
+        let answerer = self.client.as_ref().map(Asker::answerer);
+        let preview = queries.preview(&self.recordings, answerer, self.price());
         let of_parts = match &self.whole.recognition {
-            Some(what) => {
-                match queries.recorded_whole(what, &self.recordings, self.client.as_ref().map(Asker::answerer)) {
-                    Ok(_) => queries.subjects.len(),
-                    Err(_) => self.options.max_questions.min(self.subjects.len()),
-                }
-            }
+            Some(what) => match queries.recorded_whole(what, &self.recordings, answerer) {
+                Ok(_) => queries.subjects.len(),
+                Err(_) => self.options.max_questions.min(self.subjects.len()),
+            },
             None => self.subjects.iter().map(|subject| subject.all().len()).sum(),
         };
         Preview { at_most: of_parts + self.whole.all().count(), ..preview }

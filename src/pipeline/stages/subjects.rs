@@ -56,9 +56,10 @@ impl FoundSubjects {
         let Self::Parts(found) = self else { return Ok(Vec::new()) };
         let (of_gaussian, gaussians) = (open.get::<PartOfGaussian>()?, &open.scene.gaussians);
         let scale = scene::scale(open)?.map(|scale| scale.meters_per_unit);
-        let all: f64 = found.parts.iter().filter(|of| of.part.piece_of.is_none()).map(|of| of.part.light).sum();
+        let whole = || found.parts.iter().filter(|of| of.part.piece_of.is_none());
+        let all: f64 = whole().map(|of| of.part.light).sum();
         let mut of_views: BTreeMap<&str, f64> = BTreeMap::new();
-        for shown in found.parts.iter().filter(|of| of.part.piece_of.is_none()).flat_map(|of| &of.views) {
+        for shown in whole().flat_map(|of| &of.views) {
             *of_views.entry(&shown.view).or_default() += f64::from(shown.pixels);
         }
         let view_share =

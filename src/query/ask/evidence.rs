@@ -149,9 +149,10 @@ fn agreement(of: &Answer, said: &Answer) -> Agreement {
 fn weighed(mut alternatives: Vec<Alternative>, said: &Answer) -> Vec<Alternative> {
     let agreements: Vec<Agreement> = alternatives.iter().map(|of| agreement(&of.answer, said)).collect();
     let q = said.confidence.clamp(CONFIDENCE.low, CONFIDENCE.high);
-    let (same, if_same) = match agreements.contains(&Agreement::Material) {
-        true => (Agreement::Material, q),
-        false => (Agreement::Family, 0.5 * (1.0 + q)),
+    let (same, if_same) = if agreements.contains(&Agreement::Material) {
+        (Agreement::Material, q)
+    } else {
+        (Agreement::Family, 0.5 * (1.0 + q))
     };
     for (of, agreement) in alternatives.iter_mut().zip(&agreements) {
         let agrees = *agreement == same;

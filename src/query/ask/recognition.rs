@@ -47,7 +47,10 @@ pub fn question(
     let shown = ShownSubject { regions: numbers.clone(), ..ShownSubject::new(view, WHOLE, photo, mask, &sheet) };
     let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
     let prompt = prompts.object(&families.join("; "), &by_kind(&library))?;
-    let prompt = told.hints.map_or(prompt.clone(), |hints| format!("{}\n\n{hints}\n", prompt.trim_end()));
+    let prompt = match told.hints {
+        Some(hints) => format!("{}\n\n{hints}\n", prompt.trim_end()),
+        None => prompt,
+    };
     let (file, schema) = prompts.object_schema();
     let tokens = TOKENS + TOKENS_OF_REGION * numbers.len() as u64;
     let question = Question::new(prompt, Schema::new(file, schema.clone(), &[], &[])?).answered_in(tokens);
