@@ -3,13 +3,15 @@
 use std::ffi::OsString;
 use std::path::Path;
 
+use nalgebra::Vector3;
+
 use crate::config;
 use crate::error::{Context, Error, ErrorKind, Result, UsageError};
 use crate::exit;
 use crate::export::{Format, Table, compose_mjcf};
 use crate::objects::{self, Objects, SomeFailed};
 use crate::pipeline::{Stage, work_folder_of};
-use crate::scene::{ObjectChoice, ObjectNumber, StandingObjects};
+use crate::scene::{ObjectChoice, ObjectNumber, Plane, StandingObjects};
 use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
 
@@ -169,8 +171,12 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
         files.extend(exported.files);
     }
     if formats.contains(&Format::Mjcf) {
-        let height_m = if found.up.is_z() { found.support.offset * meters_per_unit } else { 0.0 };
-        let table = Table { name: &found.name, objects: &names, height_m };
+        let surface = if found.up.is_z() {
+            Plane { offset: found.support.offset * meters_per_unit, ..found.support }
+        } else {
+            Plane { normal: Vector3::z(), offset: 0.0 }
+        };
+        let table = Table { name: &found.name, objects: &names, surface };
         let composed = compose_mjcf(&table, &args.out)?;
         // It took the place of those of the single objects.
         files.retain(|file| *file != composed);

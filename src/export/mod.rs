@@ -39,6 +39,7 @@ use crate::gaussians::Gaussians;
 use crate::gaussians::bounds::robust_bounds;
 use crate::grasp::candidates::Candidate;
 use crate::parts::{Interior, Parts, PartsError};
+use crate::scene::{Plane, SupportSurface};
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 pub use asset::{Asset, Colliders, below};
@@ -99,6 +100,8 @@ pub struct Model<'a> {
     /// Both `None` if the metric scale is unknown.
     pub scale: Option<&'a MetricScale>,
     pub parts: Option<&'a Parts>,
+    /// The surface on which the object stands, in the world's frame and scene units, if it is known.
+    pub support: Option<&'a SupportSurface>,
     /// The cameras of its photos, for the colours of its surface.
     pub cameras: &'a [Camera],
     /// The places to grasp at, best first.
@@ -209,8 +212,8 @@ pub struct Table<'a> {
     pub name: &'a str,
     /// The [names](Model::name) of the objects.
     pub objects: &'a [String],
-    /// Height of the surface in the world's frame, m, if the objects were not turned; those that were stand on 0.
-    pub height_m: f64,
+    /// The surface, in metres: in the world's frame if the objects were not turned; those that were stand on z = 0.
+    pub surface: Plane,
 }
 
 /// Writes `scene.xml` into `folder`, in place of that of a single object: every object free, at its place, and the surface as a
@@ -220,7 +223,7 @@ pub struct Table<'a> {
 /// If it cannot be written.
 pub fn compose_mjcf(table: &Table, folder: &Path) -> Result<PathBuf, ExportError> {
     let bodies: Vec<String> = table.objects.iter().map(|name| body_name(name)).collect();
-    let text = mjcf::table(&body_name(table.name), &bodies, table.height_m);
+    let text = mjcf::table(&body_name(table.name), &bodies, &table.surface);
     let mut files = Files { folder, inputs: Vec::new(), written: Vec::new() };
     files.write("scene.xml", |out| out.write_all(text.as_bytes()))?;
     Ok(folder.join("scene.xml"))
@@ -257,8 +260,9 @@ struct Shared<'a> {
 
 impl Shared<'_> {
     fn shape(&self) -> Result<&Shape, ExportError> {
+        let Model { interior, field, support, .. } = self.model;
         let scale = self.model.scale.ok_or(PartsError::ScaleUnknown)?;
-        Ok(self.shape.get_or_init(|| Shape::of(self.model.interior, &self.model.field.labels, scale.meters_per_unit)))
+        Ok(self.shape.get_or_init(|| Shape::of(interior, &field.labels, *support, scale.meters_per_unit)))
     }
 
     fn part_meshes(&self) -> Result<&[PartMesh], ExportError> {

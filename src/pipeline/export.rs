@@ -41,6 +41,7 @@ pub fn export(
         interior: &*open.get::<Interior>()?,
         scale: scale.as_ref(),
         parts: parts.as_deref(),
+        support: open.scene.support.as_ref(),
         cameras: &cameras,
         grasps: &grasps,
         source: &source,

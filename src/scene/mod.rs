@@ -39,7 +39,7 @@ use crate::units::MetricScale;
 use crate::words::progress::Progress;
 use cameras::align::{Align, Conversion};
 use cameras::{Registered, dataparser};
-use object::support::Plane;
+pub use object::support::{Plane, SupportSurface};
 
 pub use crate::gaussians::bounds::Bounds;
 use crate::gaussians::bounds::ellipsoid_bounds;
@@ -82,6 +82,9 @@ pub struct Scene {
     pub up: Up,
     /// Why that is in doubt, if it is. It is among the warnings.
     pub up_in_doubt: Option<String>,
+    /// The level surface on which the object stands, in the world's frame; `None` if none was found, or a box, masks or alpha say
+    /// what the object is.
+    pub support: Option<SupportSurface>,
     /// The object's Gaussians in the input's frame, bit for bit as they were read; `None` if that is the world's.
     as_read: Option<Gaussians>,
     /// Every view with a camera and a photo, in the order of the camera file.
@@ -147,6 +150,7 @@ impl Scene {
         scene.gaussians.clone_from(self.gaussians_as_read());
         scene.as_read = None;
         scene.up = Up::ASSUMED;
+        scene.support = scene.support.map(|support| support.turned(&input_from_world));
         Cow::Owned(scene)
     }
 
@@ -233,6 +237,9 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
         object_source: separated.source,
         up: frame.up,
         up_in_doubt: frame.doubt,
+        support: frame.surface_in_world.filter(|surface| {
+            matches!(separated.source, ObjectSource::Standing | ObjectSource::Cluster) && up::is_level(&surface.plane)
+        }),
         as_read,
         views,
         conversion: found.conversion,
@@ -413,6 +420,7 @@ struct Frame {
     up: Up,
     doubt: Option<String>,
     support_in_world: Option<Plane>,
+    surface_in_world: Option<SupportSurface>,
 }
 
 impl Default for Found {
@@ -498,13 +506,15 @@ impl Found {
         let may_have_support = !views.is_empty() && object::own_foreground(views)? == ForegroundSource::Whole;
         let focus =
             may_have_support.then(|| object::support::Focus::of(gaussians, &object::support::poses(views))).flatten();
-        let support = focus.and_then(|focus| focus.support(cameras.as_ref()));
+        let support = focus.as_ref().and_then(|focus| focus.support(cameras.as_ref()));
+        let surface = focus.zip(support).and_then(|(focus, support)| focus.support_surface(support));
         let evidence = up::Evidence { choice, z_by_convention: self.z_is_up, cameras, support: support.as_ref() };
         let up = up::find(&evidence);
         Ok(Frame {
             up,
             doubt: up::doubt(&up, cameras.as_ref()),
             support_in_world: support.map(|support| support.turned(&up.world_from_input())),
+            surface_in_world: surface.map(|surface| surface.turned(&up.world_from_input())),
         })
     }
 

@@ -63,6 +63,7 @@ pub(super) fn load(path: &Path, options: &Options) -> Result<Scene, SceneError> 
         mesh: Some(Arc::new(SceneMesh { painted, triangle_of_gaussian: sampled.triangles })),
         surroundings: Gaussians::default(),
         object_source: ObjectSource::Whole,
+        support: None,
         views: Vec::new(),
         conversion: Conversion::default(),
         registered: Registered::default(),

@@ -106,6 +106,7 @@ impl Weighed {
             interior: &self.result.interior,
             scale: self.scene.scale.as_ref(),
             parts: Some(self.result.metric().unwrap()),
+            support: None,
             cameras: &[],
             grasps: &[],
             source: "box.glb",

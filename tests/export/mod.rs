@@ -30,6 +30,7 @@ fn model(measured: &Measured) -> Model<'_> {
         interior: &measured.result.interior,
         scale: measured.scene.scale.as_ref(),
         parts: Some(measured.parts()),
+        support: None,
         cameras: &measured.cameras,
         grasps: &[],
         source: "point_cloud.ply",

@@ -2,7 +2,7 @@
 
 mujoco_check.py load MODEL...                  mass, centre of mass, inertia of the object
 mujoco_check.py rest MODEL...                  how it moves after a fall of 2 cm on a plane
-mujoco_check.py table SCENE...                 mass, and how far it is moved 2 s later, of each free body of a scene
+mujoco_check.py table SCENE...                 mass, and how far it is moved and turned 2 s later, of each free body of a scene
 mujoco_check.py lift MODEL GRASP.json          how far two pads raise it; GRASP: contacts_m, approach, finger_side_m, force_n
 """
 
@@ -112,12 +112,12 @@ def rest(path):
 
 
 def table(path):
-    """How far each free body is from where it was put, 2 s later."""
+    """How far each free body is from where it was put, and from how it was turned, 2 s later."""
     model = compiled(path)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     bodies = [int(model.jnt_bodyid[n]) for n in range(model.njnt) if model.jnt_type[n] == mujoco.mjtJoint.mjJNT_FREE]
-    before = data.xipos.copy()
+    before, turned = data.xipos.copy(), data.xquat.copy()
     while data.time < 2.0:
         mujoco.mj_step(model, data)
     return [
@@ -126,6 +126,7 @@ def table(path):
             "mass_kg": float(model.body_mass[body]),
             "place_m": before[body].tolist(),
             "moved_m": float(np.linalg.norm(data.xipos[body] - before[body])),
+            "turned_rad": float(2 * np.arccos(min(1.0, abs(data.xquat[body] @ turned[body])))),
         }
         for body in bodies
     ]

@@ -418,7 +418,9 @@ fn all_objects_are_exported_onto_their_table() {
         let parts: Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
         let mass = parts["object"]["mass_kg"]["mid"].as_f64().unwrap();
         assert!((body["mass_kg"].as_f64().unwrap() / mass - 1.0).abs() < 1e-3, "{body} {mass}");
-        assert!(body["moved_m"].as_f64().unwrap() < 0.005, "{body}");
+        // Their undersides are flat: nothing tilts by more than what contacts give.
+        assert!(body["moved_m"].as_f64().unwrap() < 0.001, "{body}");
+        assert!(body["turned_rad"].as_f64().unwrap() < 0.005, "{body}");
     }
     // The middles of brick and cup are 0.3 - (-0.42) and -0.2 - (-0.02) apart, at 0.5 m for a unit.
     let place = |n: usize, axis: usize| bodies[n]["place_m"][axis].as_f64().unwrap();

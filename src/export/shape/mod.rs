@@ -3,12 +3,14 @@
 //! 1. [`solid`] gives every cell of the object, enclosed voids included, to a part;
 //! 2. [`surface`] wraps cells in a closed mesh, [`simplify`] reduces its triangles;
 //! 3. [`atlas`] lays the triangles out on a picture, [`bake`] paints it with the splat;
-//! 4. [`colliders`] decomposes each part into convex [`hull`](crate::numeric::hull)s, for collisions.
+//! 4. [`colliders`] decomposes each part into convex [`hull`](crate::numeric::hull)s, for collisions;
+//! 5. [`footing`] makes the undersides of all of them flat where the object touches the surface on which it stands.
 
 mod atlas;
 mod bake;
 mod clearance;
 mod colliders;
+mod footing;
 mod simplify;
 mod solid;
 mod surface;
@@ -19,9 +21,11 @@ use rayon::prelude::*;
 use super::Model;
 use crate::gaussians::Gaussians;
 use crate::parts::Interior;
+use crate::scene::SupportSurface;
 use crate::vote::FieldLabel;
 pub use bake::Painter;
 pub use colliders::Collider;
+use footing::Footing;
 use solid::Solid;
 
 /// Triangles of a visual mesh: enough for a household object to look round, and few enough to read.
@@ -130,30 +134,51 @@ pub struct PartMesh {
 pub struct Shape {
     solid: Solid,
     meters_per_unit: f64,
+    footing: Option<Footing>,
     pub colliders: Vec<Collider>,
 }
 
 impl Shape {
-    pub fn of(interior: &Interior, labels: &[FieldLabel], meters_per_unit: f64) -> Self {
+    pub fn of(
+        interior: &Interior,
+        labels: &[FieldLabel],
+        support: Option<&SupportSurface>,
+        meters_per_unit: f64,
+    ) -> Self {
         let solid = Solid::of(interior, labels);
-        let colliders = colliders::colliders(&solid, meters_per_unit);
-        Self { solid, meters_per_unit, colliders }
+        let mut colliders = colliders::colliders(&solid, meters_per_unit);
+        let footing = support.and_then(|support| Footing::of(support, meters_per_unit, &colliders));
+        if let Some(footing) = &footing {
+            colliders.iter_mut().for_each(|collider| footing.flatten_collider(collider));
+        }
+        Self { solid, meters_per_unit, footing, colliders }
+    }
+
+    /// A mesh of the object, made in scene units, in metres and with a flat underside.
+    fn finished(&self, mesh: Mesh) -> Mesh {
+        let mut mesh = mesh.scaled(self.meters_per_unit);
+        if let Some(footing) = &self.footing {
+            footing.flatten_mesh(&mut mesh);
+        }
+        mesh
     }
 }
 
 /// The outer surface of the whole object with the splat's colours.
-pub fn skin(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) -> Skin {
+pub fn skin(model: &Model, shape: &Shape) -> Skin {
+    let solid = &shape.solid;
     let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
     let mesh = simplify::simplified(surface::of(&solid.grid, &solid.mask(None)), TRIANGLES, 0.5 * solid.grid.cell);
     let (layout, size) = atlas::layout(&mesh, &painter.triangle_colors(&mesh));
     let picture = painter.picture(&mesh, &layout, size);
     let uv = layout.iter().map(|tile| tile.uv(size)).collect();
     let part = mesh.triangles.iter().map(|t| solid.part_at(&mesh.corners(*t))).collect();
-    Skin { mesh: mesh.scaled(*meters_per_unit), part, uv, picture }
+    Skin { mesh: shape.finished(mesh), part, uv, picture }
 }
 
 /// The surfaces of the parts that have a closed one, with the splat's colours.
-pub fn part_meshes(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) -> Vec<PartMesh> {
+pub fn part_meshes(model: &Model, shape: &Shape) -> Vec<PartMesh> {
+    let solid = &shape.solid;
     let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
     let parts = solid.parts();
     let cells = |part: u32| solid.part.iter().filter(|owner| **owner == part).count();
@@ -165,7 +190,7 @@ pub fn part_meshes(model: &Model, Shape { solid, meters_per_unit, .. }: &Shape) 
         let mesh = surface::of(&solid.grid, &solid.mask(Some(part)));
         let mesh = simplify::simplified(mesh, triangles, 0.5 * solid.grid.cell);
         let colors = painter.vertex_colors(&mesh);
-        PartMesh { part, mesh: mesh.scaled(*meters_per_unit), colors }
+        PartMesh { part, mesh: shape.finished(mesh), colors }
     });
     meshed.filter(|meshed| meshed.mesh.volume() > 0.0).collect()
 }

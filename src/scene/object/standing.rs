@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix2, Matrix3x2, Point2, Point3, Vector2, Vector3};
 
-use super::support::{FITTED, Focus, LARGEST, LEAST_OPACITY_LOGIT, Plane, THICKNESS};
+use super::support::{Focus, LARGEST, LEAST_OPACITY_LOGIT, Plane, Scatter};
 use crate::gaussians::Gaussians;
 use crate::numeric::median;
 
@@ -32,8 +32,6 @@ const MOST_VOXEL: f64 = 1.0 / 30.0;
 const DEVIATIONS_PER_VOXEL: f64 = 2.0;
 /// Opacity logit from which a Gaussian shows something solid: 0.3.
 const SOLID_LOGIT: f32 = -0.85;
-/// Standard deviation of a normal distribution, in median absolute deviations.
-const NORMAL_DEVIATIONS: f64 = 1.4826;
 /// What is higher than this many spreads of the surface does not belong to it.
 const SPREADS: f64 = 3.0;
 /// Least such height: a flawless surface has no spread.
@@ -117,11 +115,7 @@ impl Surface {
         let first = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).normalize();
         let axes = Matrix3x2::from_columns(&[first, normal.cross(&first)]);
         let origin = focus.point - normal * plane.height(&focus.point);
-        let band = THICKNESS * FITTED[FITTED.len() - 1];
-        let heights: Vec<f64> =
-            focus.points.iter().map(|at| plane.height(at) / focus.unit).filter(|height| height.abs() < band).collect();
-        let offset = median(heights.clone())?;
-        let spread = NORMAL_DEVIATIONS * median(heights.iter().map(|height| (height - offset).abs()).collect())?;
+        let Scatter { offset, spread } = focus.scatter(plane)?;
         let thickness = (SPREADS * spread).max(LEAST_THICKNESS);
         Some(Self { origin, axes, normal, unit: focus.unit, offset, thickness })
     }

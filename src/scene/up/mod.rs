@@ -108,6 +108,11 @@ fn without_noise(direction: Vector3<f64>) -> Vector3<f64> {
     if (direction - nearest).norm() < ROUNDING { nearest.map(|side| side + 0.0) } else { direction }
 }
 
+/// Whether a plane of the world's frame is level.
+pub(super) fn is_level(plane: &Plane) -> bool {
+    plane.normal.angle(&Vector3::z()) < SAME
+}
+
 /// Which way is up.
 pub(super) fn find(evidence: &Evidence) -> Up {
     let cameras = evidence.cameras;
