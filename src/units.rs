@@ -31,6 +31,11 @@ impl Range {
         0.5 * (self.low + self.high)
     }
 
+    /// The geometric middle, for quantities that are as likely too small by a factor as too large by it.
+    pub fn geometric_mid(self) -> f64 {
+        (self.low * self.high).sqrt()
+    }
+
     /// The smallest range that holds both.
     pub fn hull(self, other: Self) -> Self {
         Self::new(self.low.min(other.low), self.high.max(other.high))

@@ -20,7 +20,6 @@ mod whole;
 use serde::Serialize;
 
 use super::MaterialLibrary;
-use crate::units::Range;
 
 pub use physics::{gent_modulus_pa, qi_modulus_pa};
 
@@ -114,9 +113,4 @@ fn excuse(library: &MaterialLibrary, mut findings: Vec<Finding>) -> Vec<Finding>
         }
     }
     findings
-}
-
-/// The geometric middle of a range of stiffness or strength, because these vary by factors.
-fn geometric_mid(range: Range) -> f64 {
-    (range.low * range.high).sqrt()
 }

@@ -1,6 +1,6 @@
 //! Checks properties against each other: what physics and measured tables allow together.
 
-use super::{Findings, geometric_mid};
+use super::Findings;
 use crate::materials::{Law, Material, MaterialLibrary};
 use crate::numeric::median;
 use crate::units::{ShoreHardness, ShoreScale};
@@ -29,7 +29,7 @@ const POISSON_CAP: f64 = 0.4998;
 
 fn bulk_modulus(material: &Material, findings: &mut Findings) {
     let nu = material.poisson_ratio.high;
-    let bulk = geometric_mid(material.youngs_modulus_pa) / (3.0 * (1.0 - 2.0 * nu));
+    let bulk = material.youngs_modulus_pa.geometric_mid() / (3.0 * (1.0 - 2.0 * nu));
     findings.require(bulk <= STIFFEST_BULK, &material.name, "bulk_modulus", || {
         format!("E and nu give a bulk modulus of {bulk:.2e} Pa; at most {STIFFEST_BULK:e} is possible")
     });
@@ -65,7 +65,7 @@ fn strength_to_stiffness(material: &Material, findings: &mut Findings) {
         && material.family.starts_with("thermo");
     let loose = matches!(material.law, Law::DruckerPrager { .. });
     let Some([low, high]) = strength_band(material).filter(|_| !rubbery && !loose) else { return };
-    let ratio = geometric_mid(material.strength_pa) / geometric_mid(material.youngs_modulus_pa);
+    let ratio = material.strength_pa.geometric_mid() / material.youngs_modulus_pa.geometric_mid();
     findings.require((low..=high).contains(&ratio), &material.name, "strength_to_stiffness", || {
         format!("strength/E is {ratio:.2e}; {} has {low:e} to {high:e}", material.family)
     });
@@ -88,7 +88,7 @@ pub fn qi_modulus_pa(hardness: ShoreScale, reading: f64) -> f64 {
 
 fn shore_hardness(material: &Material, findings: &mut Findings) {
     let Some(ShoreHardness { scale, range }) = material.hardness else { return };
-    let youngs = geometric_mid(material.youngs_modulus_pa);
+    let youngs = material.youngs_modulus_pa.geometric_mid();
     let filled = material.name.contains("filled") || material.name == "lcp";
     let (model, expected, band) = match (material.family.as_str(), scale) {
         ("rubber" | "thermoplastic" | "thermoset_composite", ShoreScale::A) if range.mid() >= 10.0 => {
@@ -123,7 +123,7 @@ fn wood(material: &Material, findings: &mut Findings) {
         format!("denser than its cell wall, {CELL_WALL} kg/m3")
     });
     let [low, high] = WOOD_SPECIFIC_STIFFNESS;
-    let specific = geometric_mid(material.youngs_modulus_pa) / material.density_kg_m3.mid();
+    let specific = material.youngs_modulus_pa.geometric_mid() / material.density_kg_m3.mid();
     findings.require((low..=high).contains(&specific), &material.name, "wood", || {
         format!("E/density is {specific:.2e} m2/s2; along the grain it is {low:e} to {high:e}")
     });
@@ -134,7 +134,7 @@ fn wood(material: &Material, findings: &mut Findings) {
 /// Stiff foams exceed the 300 m/s to which soft ones are held: ASTM D6817 requires 2.5 MPa of polystyrene of 14.4 kg/m3,
 /// which gives 417 m/s.
 fn bar_speed_band(material: &Material) -> [f64; 2] {
-    let soft = geometric_mid(material.youngs_modulus_pa) < 1e6;
+    let soft = material.youngs_modulus_pa.geometric_mid() < 1e6;
     match material.family.as_str() {
         "metal" => [1000.0, 5600.0],
         "glass" => [4000.0, 6000.0],
@@ -152,7 +152,7 @@ fn bar_speed(material: &Material, findings: &mut Findings) {
     if material.family == "thermoplastic" && rubbery {
         return;
     }
-    let speed = (geometric_mid(material.youngs_modulus_pa) / material.density_kg_m3.mid()).sqrt();
+    let speed = (material.youngs_modulus_pa.geometric_mid() / material.density_kg_m3.mid()).sqrt();
     let [low, high] = bar_speed_band(material);
     findings.require((low..=high).contains(&speed), &material.name, "bar_speed", || {
         format!("waves run at {speed:.0} m/s in a bar; {} has {low} to {high}", material.family)
@@ -164,7 +164,7 @@ fn bar_speed(material: &Material, findings: &mut Findings) {
 fn dilatational_speed(material: &Material, findings: &mut Findings) {
     let nu = material.poisson_ratio.mid();
     let lateral = (1.0 - nu) / ((1.0 + nu) * (1.0 - 2.0 * nu));
-    let speed = (geometric_mid(material.youngs_modulus_pa) * lateral / material.density_kg_m3.mid()).sqrt();
+    let speed = (material.youngs_modulus_pa.geometric_mid() * lateral / material.density_kg_m3.mid()).sqrt();
     findings.require((0.2..=18500.0).contains(&speed), &material.name, "dilatational_speed", || {
         format!("pressure waves run at {speed:.1} m/s; 0.2 to 18500 is possible")
     });
@@ -192,7 +192,7 @@ fn law(material: &Material, findings: &mut Findings) {
         ),
         Law::Plasticine { yield_stress_pa, softening } => (
             within(yield_stress_pa)
-                && yield_stress_pa / geometric_mid(material.youngs_modulus_pa) >= PLASTICINE_YIELD_STRAIN
+                && yield_stress_pa / material.youngs_modulus_pa.geometric_mid() >= PLASTICINE_YIELD_STRAIN
                 && softening > 0.0,
             "a yield stress within the strength (times sqrt(3) for a cohesion) and at least 0.5% of E",
         ),

@@ -1,6 +1,6 @@
 //! Checks foams, composites and fabrics against their constituents in `constituents.csv`.
 
-use super::{Findings, geometric_mid};
+use super::Findings;
 use crate::materials::bibliography::{Constituent, Relation};
 use crate::materials::{Material, MaterialLibrary};
 
@@ -43,7 +43,7 @@ fn foam(material: &Material, wall: &Constituent, findings: &mut Findings) {
     });
     let open = wall.youngs_modulus_pa * relative.powi(2);
     let most = (FOAM_SCATTER * open).max(wall.youngs_modulus_pa * relative);
-    let youngs = geometric_mid(material.youngs_modulus_pa);
+    let youngs = material.youngs_modulus_pa.geometric_mid();
     findings.require(youngs >= open / FOAM_SCATTER && youngs <= most, &material.name, "foam_scaling", || {
         format!("E {youngs:.2e} Pa; cells of {} allow {:.2e} to {most:.2e}", wall.name, open / FOAM_SCATTER)
     });
@@ -51,7 +51,7 @@ fn foam(material: &Material, wall: &Constituent, findings: &mut Findings) {
     let buckling = 0.05 * open;
     let yielding = 0.3 * wall_strength * relative.powf(1.5);
     let [least, most] = [buckling.min(yielding) / FOAM_SCATTER, buckling.max(yielding) * FOAM_SCATTER];
-    let plateau = geometric_mid(material.strength_pa);
+    let plateau = material.strength_pa.geometric_mid();
     findings.require((least..=most).contains(&plateau), &material.name, "foam_scaling", || {
         format!("plateau {plateau:.2e} Pa; cells of {} allow {least:.2e} to {most:.2e}", wall.name)
     });

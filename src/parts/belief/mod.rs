@@ -210,7 +210,7 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
     let unnumbered = things(possible, &states, &posterior);
     let best = (0..states.len()).rev().max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]));
     Believed {
-        unshown_kg: unnumbered.iter().map(|of| of.probability * middle(of.mass_kg)).sum(),
+        unshown_kg: unnumbered.iter().map(|of| of.probability * of.mass_kg.geometric_mid()).sum(),
         printed_kg: best.and_then(|best| printed_mass(evidence, &states[best].state)),
         object: ObjectBelief {
             hypotheses: hypotheses(possible, &by_hypothesis, &of_hypothesis),
@@ -271,16 +271,11 @@ fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighe
     let extra = is_there.enumerate().filter(|(_, (_, there))| **there == 1).map(|(n, (thing, _))| {
         let Range { low, high } = thing.mass_kg;
         let unknown = unknowns.number(Source::Unnumbered, &Owner::Thing(n));
-        Quantity { mid: middle(thing.mass_kg), effects: vec![(unknown, symmetric(0.5 * (high / low).ln()))] }
+        Quantity { mid: thing.mass_kg.geometric_mid(), effects: vec![(unknown, symmetric(0.5 * (high / low).ln()))] }
     });
     let extra: Vec<Quantity> = extra.collect();
     let all: Vec<Quantity> = masses.iter().flatten().flatten().chain(&extra).cloned().collect();
     Weighed { shape: Belief::prior(unknowns).of_sum(&all), state, masses, extra }
-}
-
-/// The middle of a range of masses: as likely too light by a factor as too heavy by it.
-fn middle(Range { low, high }: Range) -> f64 {
-    (low * high).sqrt()
 }
 
 fn symmetric(half_width: f64) -> Effect {

@@ -33,8 +33,8 @@ impl Spread {
     }
 
     /// The belief whose 5th and 95th percentiles are the ends of the range, kg, and which is symmetric in the logarithm.
-    pub fn of_range(Range { low, high }: Range) -> Self {
-        Self::of(Estimate::new(low, (low * high).sqrt(), high))
+    pub fn of_range(range: Range) -> Self {
+        Self::of(Estimate::new(range.low, range.geometric_mid(), range.high))
     }
 
     /// The density of ln(kg).

@@ -2,8 +2,10 @@
 //! view.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
+
+use nalgebra::Point3;
 
 use crate::consensus::AskAbout;
 use crate::error::Result;
@@ -64,15 +66,20 @@ impl FoundSubjects {
         }
         let view_share =
             |shown: &ShownIn| f64::from(shown.pixels) / of_views.get(&*shown.view).copied().unwrap_or(f64::INFINITY);
-        let region = |FoundPart { part, views, .. }: &FoundPart| {
-            let is_its = |i: &usize| [of_gaussian.0[*i], found.part_of(of_gaussian.0[*i])].contains(&part.id);
-            let own = (0..gaussians.len()).filter(|i| !gaussians.is_set_aside(*i)).filter(is_its);
-            Region {
-                id: part.id,
-                view_share: views.iter().map(view_share).fold(0.0, f64::max).min(1.0),
-                area_share: if all > 0.0 { part.light / all } else { 0.0 },
-                depth_m: scale.map(|scale| scale * least_extent(own.map(|i| gaussians.center(i)))),
+        // By id; a piece's are its part's too.
+        let mut centers: BTreeMap<u16, Vec<Point3<f64>>> = BTreeMap::new();
+        for i in (0..gaussians.len()).filter(|i| !gaussians.is_set_aside(*i)) {
+            let id = of_gaussian.0[i];
+            for id in BTreeSet::from([id, found.part_of(id)]) {
+                centers.entry(id).or_default().push(gaussians.center(i));
             }
+        }
+        let depth = |id: u16| least_extent(centers.get(&id).into_iter().flatten().copied());
+        let region = |FoundPart { part, views, .. }: &FoundPart| Region {
+            id: part.id,
+            view_share: views.iter().map(view_share).fold(0.0, f64::max).min(1.0),
+            area_share: if all > 0.0 { part.light / all } else { 0.0 },
+            depth_m: scale.map(|scale| scale * depth(part.id)),
         };
         Ok(found.parts.iter().map(region).collect())
     }

@@ -203,8 +203,7 @@ impl Scene {
             return Err(SceneError::Scale { given: choice.to_string(), problem });
         }
         let scale = MetricScale {
-            // Lengths are as likely too short by a factor as too long by it.
-            meters_per_unit: (range.low * range.high).sqrt(),
+            meters_per_unit: range.geometric_mid(),
             source: ScaleSource::Estimated,
             provenance: format!(
                 "estimated: a model takes the object, {units:.6} scene units long, for {taken_for:?}, {} to {} long",
