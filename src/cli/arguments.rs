@@ -258,6 +258,9 @@ pub struct ExportArgs {
     /// Colliders of the format `asset`.
     #[arg(long, value_enum, default_value_t)]
     pub colliders: export::Colliders,
+    /// Samples of the format `belief`.
+    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub samples: u32,
     /// Folder to write into.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

@@ -12,6 +12,7 @@ use crate::error::{Result, UsageError};
 use crate::export::Format;
 use crate::files::write;
 use crate::film;
+use crate::pipeline::export::ExportOptions;
 use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage, export, is_untouched, show, stages};
 use crate::query::Preview;
 use crate::report;
@@ -157,7 +158,8 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
     let plan = Plan { to: Stage::Parts, from: None };
     let mut pipeline = open_with(global, &args.scene, args.work.as_deref(), options, plan, true)?;
     pipeline.run()?;
-    let files = export::export(&mut pipeline, formats, args.colliders, &args.out)?;
+    let wanted = ExportOptions { formats, colliders: args.colliders, samples: args.samples as usize };
+    let files = export::export(&mut pipeline, &wanted, &args.out)?;
     let open = pipeline.opened();
     let scale = stages::parts::scale(open)?;
     Ok(Exported { name: open.scene.name.clone(), files, meters_per_unit: scale.map(|scale| scale.meters_per_unit) })

@@ -4,7 +4,7 @@
 //! - [`usd`]: the same with its Gaussians and the places to grasp at;
 //! - [`glb`]: meshes of the parts, or the convex colliders; [`gltf_splat`]: the Gaussians;
 //! - [`ply_parts`]: the Gaussians of each part;
-//! - [`npz`]: every number as NumPy arrays;
+//! - [`npz`]: every number as NumPy arrays; [`belief`]: samples of what is believed;
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks;
 //! - [`mod@asset`]: the mesh from which the scene was made, once more, with its physics, and tables of its faces and vertices.
 //!
@@ -12,6 +12,7 @@
 //! every file says how it lies in the scene's own ([`placement`]). Gaussians that were set aside are left out.
 
 mod asset;
+mod belief;
 mod glb;
 pub(crate) mod gltf;
 mod gltf_splat;
@@ -38,6 +39,7 @@ use crate::files::write::Folder;
 use crate::gaussians::Gaussians;
 use crate::gaussians::bounds::robust_bounds;
 use crate::grasp::candidates::Candidate;
+use crate::parts::samples::Sample;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::scene::{Plane, SupportSurface};
 use crate::units::{MetricScale, ScaleSource};
@@ -56,6 +58,8 @@ pub enum Format {
     Urdf,
     /// NumPy: per-Gaussian and per-part arrays
     Npz,
+    /// Samples of mass, centre, inertia, materials and frictions, to randomise a simulation over what is not known
+    Belief,
     /// PhysGaussian: configuration and a PLY with per-particle properties
     Physgaussian,
     /// USD as text: rigid body, visual mesh, colliders, materials, Gaussians, places to grasp at
@@ -102,6 +106,8 @@ pub struct Model<'a> {
     pub parts: Option<&'a Parts>,
     /// The surface on which the object stands, in the world's frame and scene units, if it is known.
     pub support: Option<&'a SupportSurface>,
+    /// What is believed of it, for the format `belief`.
+    pub samples: &'a [Sample],
     /// The cameras of its photos, for the colours of its surface.
     pub cameras: &'a [Camera],
     /// The places to grasp at, best first.
@@ -182,6 +188,7 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
                 shared.parts()?;
             }
             Format::Csv => drop(model.asset.ok_or(ExportError::NotAMesh)?),
+            Format::Belief => drop(shared.parts()?),
             Format::GltfSplat | Format::PlyParts | Format::Npz | Format::Physgaussian => {}
         }
     }
@@ -197,6 +204,9 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
             Format::GltfSplat => gltf_splat::write(model, &shared.placement(), &mut files)?,
             Format::PlyParts => ply_parts::write(model, &mut files)?,
             Format::Npz => npz::write(model, &mut files)?,
+            Format::Belief => {
+                belief::write(model.name, model.samples, &shared.placement(), model.note_on_scale(), &mut files)?;
+            }
             Format::Physgaussian => physgaussian::write(model, &mut files)?,
             Format::Asset => asset::write(&model.asset.ok_or(ExportError::NotAMesh)?, &shared, &mut files)?,
             Format::Csv => asset::write_tables(&model.asset.ok_or(ExportError::NotAMesh)?, model, &mut files)?,

@@ -23,6 +23,7 @@ mod inside;
 mod mass;
 mod options;
 mod result;
+pub(crate) mod samples;
 mod scale;
 
 use image::GrayImage;

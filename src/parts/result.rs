@@ -202,6 +202,12 @@ pub struct BelievedChoice {
     pub material: String,
     pub stated_probability: f64,
     pub probability: f64,
+    /// Its probability among the part's choices under each hypothesis.
+    pub under: Vec<f64>,
+    /// What the part weighs in this way by shape and material alone, kg; null if it fills no volume.
+    pub mass_kg: Option<Estimate>,
+    /// The same of what fills it; null if nothing does.
+    pub filling_kg: Option<Estimate>,
 }
 
 /// Something that no part shows.

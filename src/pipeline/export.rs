@@ -14,16 +14,22 @@ use crate::words::readable::significant;
 use super::Pipeline;
 use super::stages::Stage;
 use super::stages::grasp::Grasped;
-use super::stages::parts::{metric_parts, scale, weighed_field};
+use super::stages::parts::{metric_parts, samples_of, scale, weighed_field};
 use crate::parts::Interior;
 
+/// What to export.
+#[derive(Debug, Clone, Copy)]
+pub struct ExportOptions<'a> {
+    pub formats: &'a [Format],
+    /// Those of [`Format::Asset`].
+    pub colliders: Colliders,
+    /// How many samples [`Format::Belief`] has.
+    pub samples: usize,
+}
+
 /// Writes the object into `folder` once the parts are done, and returns the paths of the files.
-pub fn export(
-    pipeline: &mut Pipeline,
-    formats: &[Format],
-    colliders: Colliders,
-    folder: &Path,
-) -> Result<Vec<PathBuf>> {
+pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Vec<PathBuf>> {
+    let ExportOptions { formats, colliders, samples } = *options;
     let has_grasps = formats.iter().any(|format| format.has_grasps());
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
@@ -32,6 +38,8 @@ pub fn export(
     let source = splat.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let cameras = open.scene.cameras();
     let scale = scale(open)?;
+    let count = if formats.contains(&Format::Belief) { samples } else { 0 };
+    let samples = samples_of(open, count)?.unwrap_or_default();
     let model = Model {
         name: &open.scene.name,
         gaussians: &open.scene.gaussians,
@@ -42,6 +50,7 @@ pub fn export(
         scale: scale.as_ref(),
         parts: parts.as_deref(),
         support: open.scene.support.as_ref(),
+        samples: &samples,
         cameras: &cameras,
         grasps: &grasps,
         source: &source,

@@ -108,6 +108,7 @@ impl Weighed {
             parts: Some(self.result.metric().unwrap()),
             support: None,
             cameras: &[],
+            samples: &[],
             grasps: &[],
             source: "box.glb",
             inputs: &self.scene.files,

@@ -32,6 +32,7 @@ fn model(measured: &Measured) -> Model<'_> {
         parts: Some(measured.parts()),
         support: None,
         cameras: &measured.cameras,
+        samples: &[],
         grasps: &[],
         source: "point_cloud.ply",
         inputs: &[],

@@ -270,3 +270,45 @@ fn a_direct_guess_is_recorded_and_scored_beside_gprop() {
     assert!((error - (3.0_f64 / 2.5).ln()).abs() < 1e-9, "{found}");
     assert!(found["alde"].as_f64().is_some() && found["direct"]["coverage"] == 1.0, "{found}");
 }
+
+#[test]
+fn samples_are_as_probable_as_the_belief_says_and_fit_together() {
+    let Asked { balls, .. } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
+    let asked = ask(&balls, &[]);
+    assert!(asked.status.success(), "{}", said(&asked));
+    let hypotheses = parts(&balls)["belief"]["hypotheses"].clone();
+    let out = balls.scene(0).join("exported");
+    let export = |samples: &str| {
+        let what = ["--format", "belief", "--samples", samples, "--out", out.to_str().unwrap()];
+        let output = gprop().arg("export").arg(balls.scene(0)).args(what).output().unwrap();
+        assert!(output.status.success(), "{}", said(&output));
+        let written = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path()).collect::<Vec<_>>();
+        let [file] = written.as_slice() else { panic!("{written:?}") };
+        fs::read_to_string(file).unwrap()
+    };
+    let text = export("200");
+    let belief: Value = serde_json::from_str(&text).unwrap();
+    let samples = belief["samples"].as_array().unwrap();
+    assert_eq!(samples.len(), 200);
+    for (hypothesis, material) in hypotheses.as_array().unwrap().iter().zip(["beech, european", "abs"]) {
+        let of_it: Vec<&Value> = samples.iter().filter(|of| of["hypothesis"] == hypothesis["what"]).collect();
+        let expected = 200.0 * hypothesis["probability"].as_f64().unwrap();
+        assert!((of_it.len() as f64 - expected).abs() <= 1.0, "{} of {expected}: {hypothesis}", of_it.len());
+        for sample in of_it {
+            let [part] = sample["parts"].as_array().unwrap().as_slice() else { panic!("{sample}") };
+            assert_eq!(part["material"], material);
+            let number = |value: &Value| value.as_f64().unwrap();
+            assert!((number(&part["mass_kg"]) / number(&sample["mass_kg"]) - 1.0).abs() < 1e-9, "{sample}");
+            let by_volume = number(&part["density_kg_m3"]) * number(&part["volume_m3"]);
+            assert!((by_volume / number(&part["mass_kg"]) - 1.0).abs() < 1e-9, "{sample}");
+        }
+    }
+    let mut masses: Vec<f64> = samples.iter().map(|of| of["mass_kg"].as_f64().unwrap()).collect();
+    masses.sort_by(f64::total_cmp);
+    let mass = parts(&balls)["object"]["mass_kg"].clone();
+    for (place, name) in [(10, "low"), (190, "high")] {
+        let expected = mass[name].as_f64().unwrap();
+        assert!((masses[place] / expected).ln().abs() < 0.2, "{name}: {} for {expected}", masses[place]);
+    }
+    assert_eq!(export("200"), text, "the same bytes again");
+}

@@ -117,6 +117,11 @@ impl Possibilities {
         self.of_label.iter().map(Vec::len).max().unwrap_or(0)
     }
 
+    /// The ways in which the part with this id may be made.
+    pub fn labels_of(&self, id: u32) -> impl Iterator<Item = &FieldLabel> {
+        self.of_label.iter().flatten().map(|possible| &possible.label).filter(move |label| label.id == id)
+    }
+
     /// The labels of a field if every part is made in the way that is `taken` for it.
     pub fn labels_taken(&self, field: &MaterialField, taken: &[Option<usize>]) -> Vec<FieldLabel> {
         let with = |((label, possible), taken): ((&FieldLabel, &Vec<Possible>), &Option<usize>)| {
@@ -214,7 +219,7 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
         printed_kg: best.and_then(|best| printed_mass(evidence, &states[best].state)),
         object: ObjectBelief {
             hypotheses: hypotheses(possible, &by_hypothesis, &of_hypothesis),
-            parts: parts(possible, &states, &posterior, &taken),
+            parts: parts(evidence, unknowns, &states, &posterior, &taken),
             shape_kg: by_shape.percentiles(),
             printed: printed_text(possible, &states),
             unnumbered,
@@ -326,17 +331,45 @@ fn probability_of(states: &[Weighed], posterior: &[f64], piece: usize, choice: u
     with.map(|(_, probability)| probability).sum()
 }
 
-fn parts(
+/// The probability that a piece of the states is made in this way, under each hypothesis; none of those that are excluded.
+fn probabilities_under(
     possible: &Possibilities,
+    states: &[Weighed],
+    posterior: &[f64],
+    label: usize,
+    choice: usize,
+) -> Vec<f64> {
+    let mut sums = vec![[0.0; 2]; possible.hypotheses.len()];
+    for (of, probability) in states.iter().zip(posterior) {
+        let [with, all] = &mut sums[of.state.hypothesis];
+        *all += probability;
+        *with += if of.state.choices[label] == choice { *probability } else { 0.0 };
+    }
+    sums.into_iter().map(|[with, all]| if all > 0.0 { with / all } else { 0.0 }).collect()
+}
+
+fn parts(
+    evidence: &Evidence,
+    unknowns: &Unknowns,
     states: &[Weighed],
     posterior: &[f64],
     taken: &[Option<usize>],
 ) -> Vec<BelievedPart> {
+    let Evidence { possible, weights, label_of, .. } = evidence;
+    let by_shape = Belief::prior(unknowns);
+    let mass = |label: usize, choice: usize, is_filling: bool| {
+        let of_choice = &weights[choice.min(weights.len() - 1)];
+        let own = of_choice.iter().find(|weight| label_of[weight.of] == label && weight.is_filling == is_filling);
+        own.map(|weight| by_shape.of(&weight.mass))
+    };
     let of_label = |(label, choices): (usize, &Vec<Possible>)| {
         let choice = |(index, choice): (usize, &Possible)| BelievedChoice {
             material: choice.label.material.clone(),
             stated_probability: choice.stated_probability,
             probability: probability_of(states, posterior, label, index),
+            under: probabilities_under(possible, states, posterior, label, index),
+            mass_kg: mass(label, index, false),
+            filling_kg: mass(label, index, true),
         };
         let first = choices.first()?;
         Some(BelievedPart {

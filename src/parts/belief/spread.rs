@@ -44,6 +44,12 @@ impl Spread {
         PEAK / (1.0 + u * u / 3.0).powi(2) / scale
     }
 
+    /// The mass, kg, below which this share of the belief lies, in (0, 1).
+    pub fn quantile(&self, share: f64) -> f64 {
+        let scale = if share < 0.5 { self.below } else { self.above };
+        (self.middle + scale * student_quantile(share)).exp()
+    }
+
     /// The same belief about a mass whose middle is that of `other`.
     pub fn moved_to(&self, other: &Self) -> Self {
         Self { middle: other.middle, ..*self }
@@ -55,6 +61,24 @@ impl Spread {
         const FAR: f64 = 12.0;
         [self.middle - FAR * self.below, self.middle + FAR * self.above]
     }
+}
+
+/// The quantile of Student's t with three degrees of freedom. Its distribution function is
+/// 1/2 + (u / (1 + u^2) + atan u) / pi with u = t / sqrt(3).
+fn student_quantile(share: f64) -> f64 {
+    const HALVINGS: usize = 80;
+    // Only a share of 1e-17 lies beyond.
+    let [mut low, mut high] = [-1e6, 1e6];
+    for _ in 0..HALVINGS {
+        let middle: f64 = 0.5 * (low + high);
+        let u = middle / f64::sqrt(3.0);
+        if 0.5 + (u / (1.0 + u * u) + u.atan()) / std::f64::consts::PI < share {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    0.5 * (low + high)
 }
 
 /// A mixture of densities, on a grid.
@@ -120,6 +144,9 @@ mod tests {
     fn percentiles_are_those_that_were_given() {
         let given = Estimate::new(0.2, 0.3, 0.7);
         let spread = Spread::of(given);
+        for (share, expected) in [(0.05, given.low), (0.5, given.mid), (0.95, given.high)] {
+            assert!((spread.quantile(share) / expected).ln().abs() < 1e-6, "{share}: {}", spread.quantile(share));
+        }
         let (curve, integral) = Curve::over(std::iter::once(&spread)).product(&spread, None);
         assert!((integral - 1.0).abs() < 0.005, "{integral}");
         let found = curve.percentiles();

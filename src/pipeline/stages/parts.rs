@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::Result;
+use crate::parts::samples::{self, Sample};
 use crate::parts::{self, Interior, Known, Options, Parts, PartsError, PartsResult, Possibilities, Shape};
 use crate::scene::View;
 use crate::scene::mesh::solid::Measured;
@@ -17,7 +18,7 @@ use crate::workdir::Artifact;
 use super::recognized::Recognized;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
 use crate::pipeline::hasher::{Hasher, file_digest};
-use crate::vote::MaterialField;
+use crate::vote::{FieldLabel, MaterialField};
 
 /// The content of `parts.json` if the metric scale is unknown.
 #[derive(Serialize)]
@@ -146,6 +147,18 @@ pub fn weighed_field(open: &OpenScene) -> Result<Arc<MaterialField>> {
     }
     parts.set_densities(&mut weighed.labels);
     Ok(Arc::new(weighed))
+}
+
+/// `count` samples of what is believed of the object; `None` if the scale is unknown.
+pub fn samples_of(open: &OpenScene, count: usize) -> Result<Option<Vec<Sample>>> {
+    let Some(parts) = metric_parts(open)? else { return Ok(None) };
+    let field = weighed_field(open)?;
+    let possible = possibilities(open, &field)?;
+    let labels = |id: u32| -> Vec<FieldLabel> {
+        let ways: Vec<FieldLabel> = possible.iter().flat_map(|of| of.labels_of(id)).cloned().collect();
+        if ways.is_empty() { field.labels.iter().filter(|label| label.id == id).cloned().collect() } else { ways }
+    };
+    Ok(Some(samples::samples(&parts, &labels, count)))
 }
 
 /// The parts in metres and kilograms; `None` if the scale is unknown.
