@@ -166,7 +166,7 @@ impl Kinded for SegmentError {
 impl Kinded for VoteError {
     fn kind(&self) -> ErrorKind {
         match self {
-            Self::Option(_) => ErrorKind::Usage,
+            Self::Option(_) | Self::Correction(_) => ErrorKind::Usage,
             _ => ErrorKind::Scene,
         }
     }

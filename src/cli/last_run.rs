@@ -28,6 +28,10 @@ use super::Global;
 /// Flags that no scene may set, but that are taken back from any work folder: they stand for flags that a scene may set.
 const FOR_SCENE_FLAGS: &[&str] = &["preset"];
 
+/// Flags that hold beside those that are typed: the recorded parameters belong to the scenario, and each correction is about
+/// something else, or about the same, and then the typed one counts.
+const HOLD_BESIDE_TYPED: &[&str] = &["scenario", "correct"];
+
 /// Flags that no scene may set, but that are taken back from a work folder that the user names.
 const OF_OWN_FOLDER: &[&str] = &["prompts", "recordings"];
 
@@ -79,8 +83,7 @@ pub fn flags(
     let mut flags = Vec::new();
     for text in pipeline::flags_of_last_run(&root, Plan { to, from: None }) {
         let Some((flag, value)) = parsed(&text, known) else { continue };
-        // The scenario stays, although a typed one overrides it: the recorded parameters belong to it.
-        if flag.name != "scenario" && typed.iter().any(|typed| config::name_of(typed) == flag.name) {
+        if !HOLD_BESIDE_TYPED.contains(&&*flag.name) && typed.iter().any(|typed| config::name_of(typed) == flag.name) {
             continue;
         }
         flags.push(taken_back(flag, value, &home, owner).ok_or_else(|| ConfigError::NotFromLastRun {

@@ -67,6 +67,10 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
         let problem = "--known-mass is the mass of one object; say of which with --object N";
         return Err(UsageError(problem.to_owned()).into());
     }
+    if !work.options.vote.correct.is_empty() {
+        let problem = "--correct corrects the parts of one object; say of which with --object N";
+        return Err(UsageError(problem.to_owned()).into());
+    }
     let numbers: Vec<ObjectNumber> = ObjectNumber::first(found.count).collect();
     global.progress().line(&format!(
         "{} on the surface; each is run by itself (--object N runs one, `gprop objects` shows them)",

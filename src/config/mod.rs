@@ -27,6 +27,12 @@ use crate::files::read_scope::ReadScope;
 /// Name of the file in the scene folder.
 pub const FILE_NAME: &str = "gprop.toml";
 
+/// The table whose tables correct parts: `[part.head]` with `material = "steel"` means `--correct head.material=steel`.
+const CORRECTED_PART: &str = "part";
+
+/// The flag for one correction.
+const CORRECTION: &str = "correct";
+
 /// Path of the user's file, for display.
 pub const USER_FILE: &str = "~/.config/gprop/config.toml";
 
@@ -53,6 +59,10 @@ pub enum ConfigError {
     OutsideScene { path: PathBuf, line: usize, key: String, flag: String, leads_to: PathBuf },
     #[error("{path:?} line {line}: `{key}` takes a string, a number, true, false or a list of these")]
     BadValue { path: PathBuf, line: usize, key: String },
+    #[error(
+        "{path:?} line {line}: `{key}` corrects a part: give it a table with keys such as material = \"steel\" or wall = \"3mm\""
+    )]
+    NoCorrection { path: PathBuf, line: usize, key: String },
     #[error("{path:?} line {line}: {problem}")]
     InvalidValue { path: PathBuf, line: usize, problem: String },
     #[error(
@@ -250,7 +260,7 @@ fn flags(path: &Path, owner: Owner, known: &[Flag]) -> Result<FileFlags, ConfigE
 }
 
 /// The flags for `text`, treated as the content of the file at `path`. Tables only group keys for the reader and have
-/// no meaning.
+/// no meaning, except for those that correct parts.
 ///
 /// # Errors
 /// [`ConfigError`] names the file, the line and the key.
@@ -277,7 +287,11 @@ impl Reader<'_> {
     fn collect(&self, table: &DeTable, found: &mut FileFlags) -> Result<(), ConfigError> {
         for (key, value) in table {
             if let DeValue::Table(group) = value.get_ref() {
-                self.collect(group, found)?;
+                if key.get_ref() == CORRECTED_PART {
+                    self.collect_corrections(group, found)?;
+                } else {
+                    self.collect(group, found)?;
+                }
                 continue;
             }
             let name = key.get_ref().replace('_', "-");
@@ -310,6 +324,25 @@ impl Reader<'_> {
                     found.flags.push(self.flag(flag, &value, key.get_ref(), line)?);
                 }
                 _ => return Err(bad_value()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds a flag `--correct=PART.KEY=VALUE` for each key of each part.
+    fn collect_corrections(&self, parts: &DeTable, found: &mut FileFlags) -> Result<(), ConfigError> {
+        for (part, keys) in parts {
+            let line = line_of(self.text, part.span().start);
+            let (path, shown) = (self.path, format!("{CORRECTED_PART}.{}", part.get_ref()));
+            let bad_value = |line| ConfigError::NoCorrection { path: path.to_owned(), line, key: shown.clone() };
+            let DeValue::Table(keys) = keys.get_ref() else { return Err(bad_value(line)) };
+            let set = self.known.iter().find(|flag| flag.name == CORRECTION).ok_or_else(|| bad_value(line))?;
+            for (key, value) in keys {
+                let line = line_of(self.text, key.span().start);
+                let value = scalar(value.get_ref()).ok_or_else(|| bad_value(line))?;
+                let text = format!("{}.{}={value}", part.get_ref(), key.get_ref());
+                found.flags.push(self.flag(set, &text, key.get_ref(), line)?);
+                found.lines.insert(CORRECTION.to_owned(), line);
             }
         }
         Ok(())
@@ -430,6 +463,7 @@ mod tests {
             value("crop", Some(SceneValue::Any)),
             Flag { name: "turntable".into(), scene: Some(SceneValue::Any), ..Flag::default() },
             Flag { repeats: true, ..value("anchor", Some(SceneValue::Any)) },
+            Flag { repeats: true, ..value("correct", Some(SceneValue::Any)) },
             Flag { is_path: true, ..value("images", Some(SceneValue::Path)) },
             value("gripper", Some(SceneValue::NameOrPath(|name| name == "paper"))),
             Flag { is_path: true, ..value("ort-lib", None) },
@@ -442,7 +476,7 @@ mod tests {
 
     #[test]
     fn keys_become_flags() {
-        let cases: [(&str, &[&str]); 13] = [
+        let cases: [(&str, &[&str]); 14] = [
             ("views = 5", &["--views=5"]),
             ("views = 1_0", &["--views=10"]),
             ("views = 0x1F", &["--views=31"]),
@@ -456,6 +490,10 @@ mod tests {
             ("images = \"photos\"", &["--images=S/photos"]),
             ("gripper = \"paper\"", &["--gripper=paper"]),
             ("gripper = \"./hand.toml\"", &["--gripper=S/./hand.toml"]),
+            (
+                "[part.\"hammer head\"]\nmaterial = \"steel\"\n[part.2]\nwall = \"3mm\"",
+                &["--correct=2.wall=3mm", "--correct=hammer head.material=steel"],
+            ),
         ];
         for (text, expected) in cases {
             assert_eq!(flags_of(text).unwrap(), expected, "{text}");
@@ -470,6 +508,7 @@ mod tests {
             ("views = 1979-05-27", "line 1: `views` takes"),
             ("views = 5\n[scene]\nviews = 7", "line 3: `views` is already set on line 1"),
             ("view_list = \"a\"\nview-list = \"b\"", "line 2: `view-list` is already set on line 1"),
+            ("[part]\nhead = \"steel\"", "line 2: `part.head` corrects a part"),
             ("views = ", "line 1: "),
             ("\n[setup]\nort_lib = \"lib.so\"", "line 3: a scene may not set `ort_lib`"),
             ("images = \"/photos\"", "line 1: `images` leads out of the scene folder, to \"/photos\""),

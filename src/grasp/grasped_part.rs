@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::GraspError;
 use crate::parts::{Part, Parts};
+use crate::words::part_fit::PartFit;
 use crate::words::part_name::part_name;
 
 /// How the part was chosen.
@@ -36,39 +37,15 @@ pub fn choose(parts: &Parts, name: Option<&str>) -> Result<(Part, PartChoice), G
     }
 }
 
-/// How a name fits a part, the closest fit first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Fit {
-    Id,
-    Caption,
-    Name,
-    WithinName,
-    /// Only its caption or its material mentions the name.
-    Mentioned,
-}
-
-impl Fit {
-    fn of(part: &Part, name: &str) -> Option<Self> {
-        let wanted = name.trim().to_lowercase();
-        let [caption, material] = [&part.caption, &part.material].map(|text| text.to_lowercase());
-        let short = part_name(&part.caption, &part.material).to_lowercase();
-        let within = |text: &str| !wanted.is_empty() && text.contains(&wanted);
-        let fits = [
-            (wanted == part.id.to_string(), Self::Id),
-            (caption == wanted, Self::Caption),
-            (short == wanted, Self::Name),
-            (within(&short), Self::WithinName),
-            (within(&caption) || within(&material), Self::Mentioned),
-        ];
-        fits.into_iter().find_map(|(fits, fit)| fits.then_some(fit))
-    }
+fn fit_of(part: &Part, name: &str) -> Option<PartFit> {
+    PartFit::new(part.id, &part.caption, &part.material, name)
 }
 
 /// A warning that `part`, found by `name`, may not be the part that was meant: it has another name, and only its caption
 /// or material mentions this one.
 pub fn doubt(part: &Part, name: &str) -> Option<String> {
     let short = part_name(&part.caption, &part.material);
-    (Fit::of(part, name) == Some(Fit::Mentioned)).then(|| {
+    (fit_of(part, name) == Some(PartFit::Mentioned)).then(|| {
         format!(
             "no part is called {name:?}; taking part {}, {short:?}, because its caption or material mentions it ({}, {})",
             part.id, part.caption, part.material
@@ -80,8 +57,8 @@ fn named(parts: &Parts, name: &str) -> Result<Part, GraspError> {
     let all: Vec<Part> = parts.by_label().collect();
     let fit = |part: &Part| {
         let mut bodies = parts.parts.iter().filter(|body| body.id == part.id);
-        let is_body = bodies.any(|body| Fit::of(body, name) == Some(Fit::Caption));
-        if is_body { Some(Fit::Caption) } else { Fit::of(part, name) }
+        let is_body = bodies.any(|body| fit_of(body, name) == Some(PartFit::Caption));
+        if is_body { Some(PartFit::Caption) } else { fit_of(part, name) }
     };
     let best = all.iter().filter_map(fit).min();
     let found: Vec<&Part> = all.iter().filter(|part| best.is_some() && fit(part) == best).collect();

@@ -173,6 +173,17 @@ impl MaterialLibrary {
         self.nearest_where(name, |material| material.family == family)
     }
 
+    /// The names of the `most` materials whose name or alias shares most words with `name`, the nearest first.
+    pub fn similar(&self, name: &str, most: usize) -> Vec<String> {
+        let mut found: Vec<String> = Vec::new();
+        while found.len() < most
+            && let Some((next, _)) = self.nearest_where(name, |material| !found.contains(&material.name))
+        {
+            found.push(next.name.clone());
+        }
+        found
+    }
+
     fn nearest_where(&self, name: &str, may_be: impl Fn(&Material) -> bool) -> Option<(&Material, f64)> {
         let tokens = self.tokens.get_or_init(|| self.token_index());
         let (row, score) = tokens.nearest(name, |row| may_be(&self.materials[row]))?;

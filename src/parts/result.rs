@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::mass::unknowns::Source;
 use crate::query::{PartQuestion, Why};
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
-use crate::vote::FieldLabel;
+use crate::vote::{Corrected, FieldLabel};
 use crate::words::readable::significant;
 
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
@@ -252,6 +252,10 @@ pub struct Part {
     /// Name of the library row.
     pub material: String,
     pub family: String,
+    /// What the user says of it, and what the answers say instead; missing if nothing was corrected.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "Corrected"))]
+    pub corrected: Option<Box<Corrected>>,
     /// Number of Gaussians with its label.
     pub gaussians: usize,
     /// `None`, like what follows from it, if the part has no volume.

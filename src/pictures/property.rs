@@ -166,6 +166,7 @@ mod tests {
             inside: None,
             bulk_reason: None,
             law: Law::Elastic,
+            corrected: None,
         }
     }
 

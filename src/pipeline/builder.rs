@@ -7,6 +7,7 @@ use super::run::{CommandLine, Run};
 use super::stages::{OpenScene, Stage, Tools};
 use super::{Options, Pipeline, Plan, work_folder_of};
 use crate::error::{Error, Result};
+use crate::vote::{self, VoteError};
 use crate::words::progress::{CancelToken, Event, Progress, Watcher};
 use crate::workdir::WorkDir;
 
@@ -96,6 +97,7 @@ fn load(folder: &Path, out: Option<&Path>, options: Options, watcher: Watcher) -
     options.check()?;
     let scene = crate::scene::load_with_progress(folder, &options.scene, Progress::Watched(&watcher, None))?;
     let tools = Tools::load(&options)?;
+    vote::check_materials(&options.vote.correct, &tools.library).map_err(VoteError::from)?;
     crate::simulate::script_of(&options.simulate)?;
     let root = work_folder_of(folder, out, options.scene.object)?;
     OpenScene::new(folder, WorkDir::open(&root)?, scene, tools, options, watcher)

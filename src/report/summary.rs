@@ -63,10 +63,11 @@ pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
         });
         let _ = writeln!(
             text,
-            "  {:>2}  {:name_width$}  {shown}{}",
+            "  {:>2}  {:name_width$}  {shown}{}{}",
             label.id,
             one_line(&label.material),
-            one_line(&part_name(&label.caption, &label.material))
+            one_line(&part_name(&label.caption, &label.material)),
+            label.corrected.as_ref().map_or_else(String::new, |of| format!(" ({})", one_line(&of.to_string())))
         );
     }
     for filling in parts.into_iter().flat_map(|parts| &parts.fillings) {

@@ -34,14 +34,21 @@ pub(super) fn contents(form: Form, answers: &[&Answer], library: &MaterialLibrar
     let naming = |name: &str| fillings.iter().filter(|(filling, ..)| filling.name == name).count();
     let most = fillings.iter().map(|(filling, ..)| *filling);
     let most = most.reduce(|best, next| if naming(&next.name) > naming(&best.name) { next } else { best })?;
-    Some(Contents::Filled(Filled {
-        filling: most.name.clone(),
-        share: middle_and_hull(fillings.iter().map(|(_, share, _)| *share)),
-        density_kg_m3: combined(fillings.iter().map(|(.., density)| *density)),
-        youngs_modulus_pa: Estimate::from(most.youngs_modulus_pa),
-        poisson_ratio: Estimate::from(most.poisson_ratio),
-        law: most.law,
-    }))
+    let share = middle_and_hull(fillings.iter().map(|(_, share, _)| *share));
+    let density_kg_m3 = combined(fillings.iter().map(|(.., density)| *density));
+    Some(Contents::Filled(Filled { density_kg_m3, ..filled(most, share) }))
+}
+
+/// This filling, as the table has it, in this share of the hollow.
+pub(super) fn filled(filling: &Filling, share: Estimate) -> Filled {
+    Filled {
+        filling: filling.name.clone(),
+        share,
+        density_kg_m3: Estimate::from(filling.density_kg_m3),
+        youngs_modulus_pa: Estimate::from(filling.youngs_modulus_pa),
+        poisson_ratio: Estimate::from(filling.poisson_ratio),
+        law: filling.law,
+    }
 }
 
 /// The density of a filling: that of its row; or, if the answer says how dense this product is, the middle of what it says,

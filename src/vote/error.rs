@@ -1,5 +1,6 @@
 //! Errors that make a vote impossible.
 
+use super::correction::CorrectionError;
 use crate::config::option_values::OptionError;
 use crate::words::output::counted;
 
@@ -8,6 +9,8 @@ use crate::words::output::counted;
 pub enum VoteError {
     #[error("{0}")]
     Option(#[from] OptionError),
+    #[error("{0}")]
+    Correction(#[from] CorrectionError),
     #[error("the scene has no Gaussians: give a splat that contains some")]
     NoGaussians,
     #[error(

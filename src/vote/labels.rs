@@ -45,6 +45,7 @@ pub(super) fn agreed(id: u32, answers: &[&Answer], library: &MaterialLibrary) ->
         bulk_reason: answers.iter().filter(|_| form == Form::Mixed).find_map(|answer| answer.bulk_reason.clone()),
         form,
         law: library.get(&first.material).expect("answers were checked against the library").law,
+        corrected: None,
     }
 }
 

@@ -4,11 +4,13 @@
 //! [`ballots`] lets every view vote on the Gaussians that it sees, by the light that arrives from them or, as in the
 //! paper, by a depth test; [`identity`] finds which segments of different views are one part of the object, unless the
 //! parts are known; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and [`unseen`] for
-//! those that no view sees; [`labels`] gives each elected part its properties.
+//! those that no view sees; [`labels`] gives each elected part its properties, and
+//! [`correction`] those that the user knows better.
 
 mod answered_segments;
 mod ballots;
 mod contents;
+mod correction;
 mod error;
 mod estimate;
 pub mod field_ply;
@@ -35,6 +37,7 @@ use crate::words::output::{agreeing, counted};
 use crate::words::progress::Progress;
 use answered_segments::{AnsweredSegment, AnsweredSegments};
 use ballots::Ballots;
+pub use correction::{Corrected, Correction, CorrectionError, Setting, check_materials, corrected};
 pub use error::VoteError;
 use identity::Identity;
 pub use options::{Agreement, Options, Rule, SCENE_KEYS};
@@ -157,6 +160,10 @@ pub struct FieldLabel {
     #[serde(default)]
     pub bulk_reason: Option<String>,
     pub law: Law,
+    /// What the user says of the part, and what the answers say instead; missing if nothing was corrected.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "Corrected"))]
+    pub corrected: Option<Box<Corrected>>,
 }
 
 impl FieldLabel {
@@ -185,6 +192,7 @@ impl FieldLabel {
             inside: None,
             bulk_reason: None,
             law: material.law,
+            corrected: None,
         }
     }
 }

@@ -4,6 +4,7 @@ use std::num::NonZeroUsize;
 
 use serde::{Deserialize, Serialize};
 
+use super::correction::Setting;
 use crate::config::SceneKey;
 use crate::config::option_values::{self, Domain, OptionError, from_to};
 
@@ -15,7 +16,8 @@ const MOST_NEIGHBORS: NonZeroUsize = NonZeroUsize::new(1000).expect("a thousand 
 const NEIGHBORS: Domain<NonZeroUsize> = from_to(NonZeroUsize::MIN, MOST_NEIGHBORS);
 
 /// The keys that a scene may set: all of them, because they affect only this scene's result.
-pub const SCENE_KEYS: &[SceneKey] = &[SceneKey::any("vote"), SceneKey::any("agree"), SceneKey::any("neighbors")];
+pub const SCENE_KEYS: &[SceneKey] =
+    &[SceneKey::any("vote"), SceneKey::any("agree"), SceneKey::any("neighbors"), SceneKey::any("correct")];
 
 /// How the views' segments become a material for every Gaussian.
 #[derive(Debug, Clone, PartialEq, clap::Args, Serialize, Deserialize)]
@@ -34,6 +36,11 @@ pub struct Options {
     #[arg(long, value_name = "K", default_value_t = DEFAULT_NEIGHBORS)]
     #[arg(value_parser = NEIGHBORS)]
     pub neighbors: NonZeroUsize,
+
+    /// What you know better than the model, of the part with this name or number: `head.material=steel`, `cup.wall=3mm` (or
+    /// `none`), `density=2700kg/m3`, `filling`, `share`, `caption`; once for each thing
+    #[arg(long, value_name = "PART.KEY=VALUE")]
+    pub correct: Vec<Setting>,
 }
 
 impl Options {

@@ -3,6 +3,7 @@
 
 pub(crate) mod html;
 pub mod output;
+pub(crate) mod part_fit;
 pub(crate) mod part_name;
 pub mod progress;
 pub(crate) mod readable;

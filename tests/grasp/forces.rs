@@ -27,6 +27,7 @@ fn part(id: u32, caption: &str, mass_kg: Estimate, thickness_m: Estimate, to_cen
         caption: caption.to_owned(),
         material: format!("material of {caption}"),
         family: "wood".to_owned(),
+        corrected: None,
         gaussians: 100,
         volume_m3: Some(Estimate::exactly(1e-4)),
         no_volume: None,

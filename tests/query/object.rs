@@ -153,6 +153,73 @@ fn one_question_gives_a_belief_that_everything_after_it_follows() {
 }
 
 #[test]
+fn a_correction_counts_for_more_than_any_answer_and_is_taken_back() {
+    let Asked { balls, count } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
+    assert!(ask(&balls, &["--to", "parts"]).status.success());
+    let answered = file(&balls, "parts.json");
+    let corrections = ["--correct", "ball.material=aluminum 6061-t6", "--correct", "ball.wall=3mm"];
+    let output = run(&balls, &corrections);
+    assert!(output.status.success(), "{}", said(&output));
+    let words = "corrected: material aluminum 6061-t6, wall 3 mm; answered: ";
+    assert!(said(&output).contains(words), "{}", said(&output));
+    let found = parts(&balls);
+    let part = &found["parts"][0];
+    assert_eq!((&part["material"], &part["is_wall"]), (&json!("aluminium 6061-t6"), &json!(true)));
+    assert_eq!(part["corrected"]["to"]["material"], "aluminum 6061-t6");
+    let [low, high] = ["low", "high"].map(|end| part["thickness_m"][end].as_f64().unwrap());
+    assert!((low - 0.003).abs() < 1e-12 && (high - 0.003).abs() < 1e-12, "{}", part["thickness_m"]);
+    // Of a wall of 3 mm around a ball of 20 cm, 2700 kg/m3 dense.
+    let mass = |of: &Value| of["mass_kg"]["mid"].as_f64().unwrap();
+    let expected = 4.0 / 3.0 * std::f64::consts::PI * (0.1_f64.powi(3) - 0.097_f64.powi(3)) * 2700.0;
+    assert!((mass(part) / expected).ln().abs() < 0.25, "{} instead of {expected}", mass(part));
+    let choices = found["belief"]["parts"][0]["choices"].as_array().unwrap();
+    let probabilities: Vec<f64> = choices.iter().map(|choice| choice["probability"].as_f64().unwrap()).collect();
+    assert!(probabilities.len() == 3 && (probabilities[2] - 1.0).abs() < 1e-9, "{probabilities:?}");
+    for name in ["report.html", "run.json"] {
+        assert!(file(&balls, name).contains(words), "{name}");
+    }
+    let labels: Value = serde_json::from_str(&file(&balls, "labels.json")).unwrap();
+    assert_eq!(labels[0]["material"], "aluminium 6061-t6");
+
+    // An export goes on from the last run, and corrects further.
+    let out = balls.scene(0).join("out");
+    let mut export = gprop();
+    export.arg("export").arg(balls.scene(0)).args(["--format", "npz", "--correct", "ball.wall=6mm", "--out"]).arg(&out);
+    let exported = export.output().unwrap();
+    assert!(exported.status.success(), "{}", said(&exported));
+    let thicker = parts(&balls);
+    assert_eq!(thicker["parts"][0]["material"], "aluminium 6061-t6");
+    assert!((mass(&thicker["parts"][0]) / mass(part)).ln() > 0.5, "{}", mass(&thicker["parts"][0]));
+
+    // The same in the scene's own file, and without it the answers hold again. Nobody is asked.
+    let options = balls.scene(0).join("gprop.toml");
+    let without = fs::read_to_string(&options).unwrap();
+    fs::write(&options, format!("{without}\n[part.ball]\nmaterial = \"aluminum 6061-t6\"\nwall = \"3mm\"\n")).unwrap();
+    assert!(run(&balls, &["--to", "parts"]).status.success());
+    assert_eq!(parts(&balls)["parts"], found["parts"]);
+    fs::write(&options, without).unwrap();
+    assert!(run(&balls, &["--to", "parts"]).status.success());
+    assert_eq!(file(&balls, "parts.json"), answered);
+    assert_eq!(count.load(Ordering::SeqCst), 1);
+}
+
+#[test]
+fn what_cannot_be_corrected_is_said_with_what_can() {
+    let Asked { balls, .. } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
+    assert!(ask(&balls, &["--to", "vote"]).status.success());
+    for (correction, words) in [
+        ("lid.wall=3mm", "no part is called \"lid\"; give one of these, by its number or name: "),
+        ("ball.material=stainless stele 304", "the nearest are "),
+        ("ball.wall=3", "with its unit, such as 3mm"),
+        ("ball.filling=water", "say how thick its wall is"),
+    ] {
+        let output = run(&balls, &["--to", "vote", "--correct", correction]);
+        assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+        assert!(said(&output).contains(words), "{}", said(&output));
+    }
+}
+
+#[test]
 fn a_hypothesis_that_does_not_fit_the_shape_loses() {
     // No wall of two to four millimetres makes such a ball weigh twenty grams.
     let Asked { balls, .. } = ball(|regions| wood_or_plastic([15.0, 25.0], regions));

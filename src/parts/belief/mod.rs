@@ -12,6 +12,7 @@
 //! under which the object would be much too heavy for what it is loses, but none loses because the mass of such a thing is little
 //! known. The sum over states is computed on a grid. `docs/parts.md` has the model in words.
 
+mod corrected;
 pub mod spread;
 pub mod states;
 
@@ -100,7 +101,11 @@ impl Possibilities {
         };
         let of_label = |label: &FieldLabel| {
             let of = piece_of(label).map_or(&[][..], |piece| &alternatives[piece]);
-            of.iter().map(|of| possible(label.id, of)).collect()
+            let choices: Vec<Possible> = of.iter().map(|of| possible(label.id, of)).collect();
+            match &label.corrected {
+                Some(of) => corrected::corrected(choices, &of.to, label, library),
+                None => choices,
+            }
         };
         let asked = |label: &FieldLabel| answered.question_about(piece_of(label)?).map(AskedPart::of);
         Self {

@@ -88,6 +88,7 @@ impl Weighable<'_> {
             caption: self.label.caption.clone(),
             material: self.label.material.clone(),
             family: self.label.family.clone(),
+            corrected: self.label.corrected.clone(),
             gaussians: self.shape.gaussians,
             volume_m3: is_there.then(|| volume.scaled(share)),
             no_volume: self.shape.no_volume,

@@ -14,8 +14,9 @@ use crate::query::Answers;
 use crate::scene::View;
 use crate::scene::splat::ply;
 use crate::segment::LabelMap;
-use crate::vote::{FieldLabel, MaterialField, ViewInput, VoteError, field_ply, vote, vote_on_parts};
+use crate::vote::{self, FieldLabel, MaterialField, ViewInput, VoteError, field_ply, vote_on_parts};
 use crate::words::output::counted;
+use crate::words::part_name::part_name;
 use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::subjects::FoundSubjects;
@@ -37,7 +38,9 @@ pub(super) const ROW: Row = Row {
 fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     let (work, gaussians) = (&open.work, &open.scene.gaussians);
     let (about, answers) = (FoundSubjects::of(open)?, open.get::<Answers>()?);
-    let field = elect(open, &about, &voters(&open.views, &about.settled_maps(open, &answers)?), &answers)?;
+    let mut field = elect(open, &about, &voters(&open.views, &about.settled_maps(open, &answers)?), &answers)?;
+    field.labels =
+        vote::corrected(&field.labels, &open.options.vote.correct, &open.library).map_err(VoteError::from)?;
     // In the frame of the splat that it explains.
     let as_read = open.scene.gaussians_as_read();
     work.write_with(Artifact::Field, |out| ply::write(out, as_read, &field_ply::columns(&field)))?;
@@ -53,7 +56,14 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
         work.write(Artifact::Thumbnail, &small)?;
         written.extend([Artifact::Figure, Artifact::Thumbnail]);
     }
-    Ok(Done::writing(written).warning(field.warnings).noting(field.notes))
+    let notes = field.labels.iter().filter_map(correction_note).chain(field.notes).collect();
+    Ok(Done::writing(written).warning(field.warnings).noting(notes))
+}
+
+/// That a part is corrected, and what was answered.
+fn correction_note(label: &FieldLabel) -> Option<String> {
+    let corrected = label.corrected.as_ref()?;
+    Some(format!("part {} ({}) is {corrected}", label.id, part_name(&label.caption, &label.material)))
 }
 
 /// The field that results from these views and answers.
@@ -65,7 +75,7 @@ pub fn elect(
 ) -> Result<MaterialField, VoteError> {
     let (gaussians, library, options) = (&open.scene.gaussians, &*open.library, &open.options.vote);
     match about {
-        FoundSubjects::Segments(_) => vote(gaussians, views, answers, library, options, open.progress()),
+        FoundSubjects::Segments(_) => vote::vote(gaussians, views, answers, library, options, open.progress()),
         FoundSubjects::Parts(found) => {
             vote_on_parts(gaussians, views, &found.answered(answers), library, options, open.progress())
         }

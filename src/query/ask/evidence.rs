@@ -18,7 +18,7 @@ use crate::query::{Answer, Form, Inside, Outcome, Piece, Recognition, SubjectId}
 use crate::units::Range;
 
 /// As for the ends of ranges: one of ten things is none of what the model says.
-const OUTSIDE: f64 = 0.1;
+pub const OUTSIDE: f64 = 0.1;
 /// As for ranges.
 const RIGHT: f64 = 0.9;
 /// The confidences that count.

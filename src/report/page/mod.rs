@@ -220,6 +220,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         }),
         material => &label.material,
         family => &label.family,
+        corrected => label.corrected.as_ref().map(ToString::to_string),
         gaussians => report.gaussians_of(label),
         form => tables::form(label.form),
         numbers => vec![

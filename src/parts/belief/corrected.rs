@@ -1,0 +1,85 @@
+//! The ways in which a part may be made, after the user has corrected it.
+//!
+//! A correction is certain: ways that it excludes are impossible. Those that agree with it take its numbers and stay as
+//! probable as they were among each other; if none does, what the user says is the only one. The model's hypotheses about the
+//! object count on: one in [`OUTSIDE`] things is none of what a model says under a hypothesis, so a hypothesis that did not have the
+//! corrected way becomes less probable, but is not excluded.
+
+use super::Possible;
+use crate::materials::MaterialLibrary;
+use crate::query::ask::evidence::OUTSIDE;
+use crate::vote::{Correction, FieldLabel};
+
+/// The choices after a `correction`, if there were any before; `label` is the part as the user says that it is.
+pub fn corrected(
+    mut choices: Vec<Possible>,
+    correction: &Correction,
+    label: &FieldLabel,
+    library: &MaterialLibrary,
+) -> Vec<Possible> {
+    let mut agree = 0;
+    for choice in &mut choices {
+        let as_corrected = correction.applied(&choice.label, library);
+        match as_corrected.ok().filter(|_| correction.agrees_with(&choice.label, library)) {
+            Some(as_corrected) => {
+                choice.label = as_corrected;
+                choice.under.iter_mut().for_each(|under| *under = OUTSIDE + (1.0 - OUTSIDE) * *under);
+                agree += 1;
+            }
+            None => choice.likelihood = 0.0,
+        }
+    }
+    if let Some(hypotheses) = choices.first().map(|choice| choice.under.len()).filter(|_| agree == 0) {
+        let under = vec![OUTSIDE; hypotheses];
+        choices.push(Possible { label: label.clone(), under, likelihood: 1.0, stated_probability: 0.0 });
+    }
+    choices
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::query::Form;
+    use crate::units::Range;
+
+    /// Steel, sure if the object is a real one, or plastic, sure if it is an imitation.
+    fn choices() -> Vec<Possible> {
+        let library = MaterialLibrary::builtin();
+        let choice = |material: &str, under: [f64; 2]| Possible {
+            label: FieldLabel::of(1, library.get(material).unwrap()),
+            under: under.into(),
+            likelihood: 0.7,
+            stated_probability: 0.5,
+        };
+        vec![choice("stainless steel 304", [1.0, 0.0]), choice("abs", [0.0, 1.0])]
+    }
+
+    fn after(correction: &Correction) -> Vec<Possible> {
+        let library = MaterialLibrary::builtin();
+        let label = correction.applied(&choices()[0].label, library).unwrap();
+        corrected(choices(), correction, &label, library)
+    }
+
+    #[test]
+    fn a_choice_that_agrees_is_the_only_one_left_and_speaks_for_its_hypothesis() {
+        let found = after(&Correction { material: Some("abs".to_owned()), ..Correction::default() });
+        assert_eq!(found.iter().map(|choice| choice.likelihood).collect::<Vec<_>>(), [0.0, 0.7]);
+        assert_eq!(found[1].under, [OUTSIDE, 1.0]);
+        assert!(found[1].label.corrected.is_some());
+    }
+
+    #[test]
+    fn what_no_choice_says_becomes_the_only_one() {
+        let found = after(&Correction { material: Some("aluminium 6061-t6".to_owned()), ..Correction::default() });
+        assert_eq!(found.iter().map(|choice| choice.likelihood).collect::<Vec<_>>(), [0.0, 0.0, 1.0]);
+        assert_eq!((&*found[2].label.material, found[2].stated_probability), ("aluminium 6061-t6", 0.0));
+        assert_eq!(found[2].under[0], found[2].under[1], "it says nothing of what the object is");
+    }
+
+    #[test]
+    fn a_density_leaves_the_choices_as_they_are() {
+        let found = after(&Correction { density_kg_m3: Some(Range::exactly(900.0)), ..Correction::default() });
+        assert!(found.len() == 2 && found.iter().all(|choice| choice.label.density_kg_m3.mid == 900.0), "{found:?}");
+        assert!(found.iter().all(|choice| choice.likelihood == 0.7 && choice.label.form == Form::Solid));
+    }
+}

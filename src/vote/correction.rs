@@ -1,0 +1,484 @@
+//! What the user says of a part, which counts for more than what the model answered: `--correct head.material=steel`.
+//!
+//! A [`Setting`] is parsed from what was typed; those of one part are joined into its [`Correction`], which is applied to the
+//! part's label after the vote. The label keeps what the answers say, so a correction is always shown as one, and without it
+//! the next run has the answers again.
+
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use super::contents::filled;
+use super::{Contents, FieldLabel};
+use crate::materials::MaterialLibrary;
+use crate::query::Form;
+use crate::units::Range;
+use crate::words::part_fit::PartFit;
+use crate::words::part_name::part_name;
+use crate::words::readable::significant;
+
+/// Thinner than foil, or thicker than a metre, is no wall of an object that a gripper holds.
+const WALL_M: Range = Range::new(1e-6, 1.0);
+/// From aerogel to osmium, the densest element (22,590 kg/m3).
+const DENSITY_KG_M3: Range = Range::new(1.0, 22_600.0);
+/// As in answers: less than 1 % is empty.
+const SHARE: Range = Range::new(0.01, 1.0);
+
+const WALL_UNITS: [(&str, f64); 3] = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
+const DENSITY_UNITS: [(&str, f64); 2] = [("kg/m3", 1.0), ("g/cm3", 1e3)];
+const SHARE_UNITS: [(&str, f64); 2] = [("%", 1e-2), ("", 1.0)];
+
+/// For a part without a wall.
+const NONE: &str = "none";
+/// For a shell without a filling.
+const EMPTY: &str = "empty";
+
+/// How many materials an error names.
+const NEAREST: usize = 5;
+
+/// `PART.KEY=VALUE`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct Setting {
+    /// All of it, as it was typed.
+    typed: String,
+    /// The part's id, name or caption.
+    part: String,
+    correction: Correction,
+}
+
+/// What is corrected of a part; the rest is as answered.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(default)]
+pub struct Correction {
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub caption: Option<String>,
+    /// A name or an alias of the library.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub material: Option<String>,
+    /// Solid, or a wall and how thick.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub form: Option<Form>,
+    /// A name of `fillings.csv`, or `empty`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filling: Option<String>,
+    /// The share of the hollow that the filling takes up.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub share: Option<Range>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub density_kg_m3: Option<Range>,
+}
+
+/// A correction of a part, and what the answers say instead.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Corrected {
+    pub to: Correction,
+    pub answered: Answered,
+}
+
+/// What the answers say of a part that is corrected.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Answered {
+    pub caption: String,
+    /// Name of the library row.
+    pub material: String,
+    #[serde(flatten)]
+    pub form: Form,
+}
+
+/// Why a part cannot be corrected as the user says.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum CorrectionError {
+    #[error("--correct {setting}: no part is called {part:?}; give one of these, by its number or name: {parts}")]
+    NoSuchPart { setting: String, part: String, parts: String },
+    #[error("--correct {setting}: {part:?} may be any of {parts}; give its number")]
+    AmbiguousPart { setting: String, part: String, parts: String },
+    #[error("--correct: the material library has no {name:?}; {}", near(nearest, "gprop materials list"))]
+    NoSuchMaterial { name: String, nearest: Vec<String> },
+    #[error("--correct: no filling is called {name:?}; fillings are empty, {fillings}")]
+    NoSuchFilling { name: String, fillings: String },
+    #[error("--correct: {part} has no hollow to fill; say how thick its wall is, such as --correct {id}.wall=3mm")]
+    NoHollow { part: String, id: u32 },
+    #[error("--correct: the answers do not say how full {part} is; say it, such as --correct {id}.share=80%")]
+    NoShare { part: String, id: u32 },
+    #[error("--correct: nothing is known to be in {part}; say what is, such as --correct {id}.filling=water")]
+    NothingInside { part: String, id: u32 },
+}
+
+fn near(nearest: &[String], all: &str) -> String {
+    match nearest {
+        [] => format!("`{all}` lists its materials"),
+        names => format!("the nearest are {}; `{all}` lists all", names.join("; ")),
+    }
+}
+
+impl FromStr for Setting {
+    type Err = String;
+
+    fn from_str(typed: &str) -> Result<Self, String> {
+        let form = "give PART.KEY=VALUE, such as head.material=steel or cup.wall=3mm; KEY is material, wall, filling, share, \
+                    density or caption";
+        let (place, value) = typed.split_once('=').ok_or(form)?;
+        let (part, key) = place.rsplit_once('.').ok_or(form)?;
+        let (part, value) = (part.trim(), value.trim());
+        if part.is_empty() || value.is_empty() {
+            return Err(form.to_owned());
+        }
+        let mut correction = Correction::default();
+        match key.trim() {
+            "material" => correction.material = Some(value.to_owned()),
+            "caption" => correction.caption = Some(value.to_owned()),
+            "filling" => correction.filling = Some(value.to_lowercase()),
+            "wall" => correction.form = Some(wall(value)?),
+            "share" => {
+                let problem = || "give the share of the hollow that is filled, such as 80% or 70-90%".to_owned();
+                correction.share = Some(range(value, &SHARE_UNITS, SHARE).ok_or_else(problem)?);
+            }
+            "density" => {
+                let problem = || "give a density with its unit, such as 2700kg/m3 or 600-700kg/m3".to_owned();
+                correction.density_kg_m3 = Some(range(value, &DENSITY_UNITS, DENSITY_KG_M3).ok_or_else(problem)?);
+            }
+            _ => return Err(form.to_owned()),
+        }
+        Ok(Self { typed: typed.to_owned(), part: part.to_owned(), correction })
+    }
+}
+
+fn wall(value: &str) -> Result<Form, String> {
+    if value == NONE {
+        return Ok(Form::Solid);
+    }
+    let problem = || "give the wall's thickness with its unit, such as 3mm or 2-4mm, or none for a solid".to_owned();
+    let wall_thickness_m = range(value, &WALL_UNITS, WALL_M).ok_or_else(problem)?;
+    Ok(Form::Shell { wall_thickness_m })
+}
+
+/// A number or two (`2-4`) in one of `units`, named with how much of the SI unit one is; `None` if it is not within `bounds`.
+fn range(text: &str, units: &[(&str, f64)], bounds: Range) -> Option<Range> {
+    let (numbers, unit) = units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?.trim(), unit)))?;
+    let number = |text: &str| text.trim().parse::<f64>().ok().map(|number| number * unit);
+    let found = match (number(numbers), numbers.split_once('-')) {
+        (Some(exact), _) => Range::exactly(exact),
+        (None, Some((low, high))) => Range::new(number(low)?, number(high)?),
+        (None, None) => return None,
+    };
+    (bounds.low <= found.low && found.low <= found.high && found.high <= bounds.high).then_some(found)
+}
+
+impl TryFrom<String> for Setting {
+    type Error = String;
+
+    fn try_from(typed: String) -> Result<Self, String> {
+        typed.parse()
+    }
+}
+
+impl From<Setting> for String {
+    fn from(setting: Setting) -> Self {
+        setting.typed
+    }
+}
+
+impl fmt::Display for Setting {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.typed)
+    }
+}
+
+impl Correction {
+    /// Both corrections; what `later` says counts.
+    fn then(self, later: Self) -> Self {
+        Self {
+            caption: later.caption.or(self.caption),
+            material: later.material.or(self.material),
+            form: later.form.or(self.form),
+            filling: later.filling.or(self.filling),
+            share: later.share.or(self.share),
+            density_kg_m3: later.density_kg_m3.or(self.density_kg_m3),
+        }
+    }
+
+    /// The part as corrected. A mixed part keeps the density of the whole, unless its density or wall is corrected.
+    ///
+    /// # Errors
+    /// [`CorrectionError`] if the material or filling is not known, or there is no hollow that is filled.
+    pub fn applied(&self, answered: &FieldLabel, library: &MaterialLibrary) -> Result<FieldLabel, CorrectionError> {
+        let mut label = self.of_material(answered, library)?;
+        if let Some(form) = self.form {
+            let material = library.get(&label.material).filter(|_| label.form == Form::Mixed);
+            label.density_kg_m3 = material.map_or(label.density_kg_m3, |material| material.density_kg_m3.into());
+            label.bulk_reason = None;
+            let is_shell = matches!(form, Form::Shell { .. });
+            label.inside = is_shell.then(|| label.inside.unwrap_or(Contents::Unknown));
+            label.form = form;
+        }
+        self.fill(&mut label, library)?;
+        if let Some(density) = self.density_kg_m3 {
+            label.density_kg_m3 = density.into();
+        }
+        if let Some(caption) = &self.caption {
+            label.caption.clone_from(caption);
+        }
+        let FieldLabel { caption, material, form, .. } = answered.clone();
+        let answered = Answered { caption, material, form };
+        label.corrected = Some(Box::new(Corrected { to: self.clone(), answered }));
+        Ok(label)
+    }
+
+    fn of_material(&self, label: &FieldLabel, library: &MaterialLibrary) -> Result<FieldLabel, CorrectionError> {
+        let Some(name) = &self.material else { return Ok(label.clone()) };
+        let material = library.get(name).ok_or_else(|| no_such_material(name, library))?;
+        let FieldLabel { caption, form, inside, bulk_reason, .. } = label.clone();
+        let of = FieldLabel::of(label.id, material);
+        let density_kg_m3 = if form == Form::Mixed { label.density_kg_m3 } else { of.density_kg_m3 };
+        Ok(FieldLabel { caption, form, inside, bulk_reason, density_kg_m3, ..of })
+    }
+
+    fn fill(&self, label: &mut FieldLabel, library: &MaterialLibrary) -> Result<(), CorrectionError> {
+        if self.filling.is_none() && self.share.is_none() {
+            return Ok(());
+        }
+        let (part, id) = (described(label), label.id);
+        if !matches!(label.form, Form::Shell { .. }) {
+            return Err(CorrectionError::NoHollow { part, id });
+        }
+        let was = match &label.inside {
+            Some(Contents::Filled(filled)) => Some(filled),
+            _ => None,
+        };
+        let contents = match (self.filling.as_deref(), was) {
+            (Some(EMPTY), _) => Contents::Empty,
+            (Some(name), was) => {
+                let row = library.filling(name).ok_or_else(|| no_such_filling(name, library))?;
+                let share = self.share.map(Into::into).or(was.map(|was| was.share));
+                Contents::Filled(filled(row, share.ok_or(CorrectionError::NoShare { part, id })?))
+            }
+            (None, Some(was)) => {
+                let share = self.share.map_or(was.share, Into::into);
+                Contents::Filled(super::Filled { share, ..was.clone() })
+            }
+            (None, None) => return Err(CorrectionError::NothingInside { part, id }),
+        };
+        label.inside = Some(contents);
+        Ok(())
+    }
+
+    /// Whether a way in which the part may be made is one of those that the correction leaves, numbers aside.
+    pub fn agrees_with(&self, label: &FieldLabel, library: &MaterialLibrary) -> bool {
+        let is_material = |name: &String| library.get(name).is_some_and(|material| material.name == label.material);
+        let is_form = |form: Form| std::mem::discriminant(&form) == std::mem::discriminant(&label.form);
+        let is_filling = |name: &String| match &label.inside {
+            Some(Contents::Filled(filled)) => library.filling(name).is_some_and(|row| row.name == filled.filling),
+            Some(Contents::Empty) => name == EMPTY,
+            Some(Contents::Unknown) | None => false,
+        };
+        self.material.as_ref().is_none_or(is_material)
+            && self.form.is_none_or(is_form)
+            && self.filling.as_ref().is_none_or(is_filling)
+    }
+}
+
+impl fmt::Display for Correction {
+    /// As it is typed, without the part.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let range = |Range { low, high }: Range, unit: f64| {
+            let [low, high] = [low, high].map(|end| significant(end / unit));
+            if low == high { low } else { format!("{low}-{high}") }
+        };
+        let form = self.form.map(|form| match form {
+            Form::Shell { wall_thickness_m } => format!("{} mm", range(wall_thickness_m, 1e-3)),
+            Form::Solid | Form::Mixed => NONE.to_owned(),
+        });
+        let said = [
+            ("caption", self.caption.clone()),
+            ("material", self.material.clone()),
+            ("wall", form),
+            ("filling", self.filling.clone()),
+            ("share", self.share.map(|share| format!("{} %", range(share, 1e-2)))),
+            ("density", self.density_kg_m3.map(|density| format!("{} kg/m3", range(density, 1.0)))),
+        ];
+        let said = said.into_iter().filter_map(|(key, value)| Some(format!("{key} {}", value?)));
+        f.write_str(&said.collect::<Vec<_>>().join(", "))
+    }
+}
+
+impl fmt::Display for Answered {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let form = match self.form {
+            Form::Solid => "solid".to_owned(),
+            Form::Mixed => "mixed".to_owned(),
+            Form::Shell { wall_thickness_m } => format!("wall {} mm", significant(1e3 * wall_thickness_m.mid())),
+        };
+        write!(f, "{}, {form}", self.material)
+    }
+}
+
+impl fmt::Display for Corrected {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "corrected: {}; answered: {}", self.to, self.answered)
+    }
+}
+
+/// Checks that the library has every material that is set, before anything is done.
+///
+/// # Errors
+/// [`CorrectionError::NoSuchMaterial`].
+pub fn check_materials(settings: &[Setting], library: &MaterialLibrary) -> Result<(), CorrectionError> {
+    let mut names = settings.iter().filter_map(|setting| setting.correction.material.as_ref());
+    match names.find(|name| library.get(name).is_none()) {
+        Some(name) => Err(no_such_material(name, library)),
+        None => Ok(()),
+    }
+}
+
+/// The labels as corrected.
+///
+/// # Errors
+/// [`CorrectionError`] if a part, material or filling is not known.
+pub fn corrected(
+    labels: &[FieldLabel],
+    settings: &[Setting],
+    library: &MaterialLibrary,
+) -> Result<Vec<FieldLabel>, CorrectionError> {
+    let mut corrections: Vec<Option<Correction>> = vec![None; labels.len()];
+    for setting in settings {
+        let correction = &mut corrections[part_of(setting, labels)?];
+        *correction = Some(correction.take().unwrap_or_default().then(setting.correction.clone()));
+    }
+    let with = |(label, correction): (&FieldLabel, &Option<Correction>)| {
+        correction.as_ref().map_or_else(|| Ok(label.clone()), |correction| correction.applied(label, library))
+    };
+    labels.iter().zip(&corrections).map(with).collect()
+}
+
+/// The index of the label that a setting is about.
+fn part_of(setting: &Setting, labels: &[FieldLabel]) -> Result<usize, CorrectionError> {
+    let fit = |label: &FieldLabel| {
+        let fit = PartFit::new(label.id, &label.caption, &label.material, &setting.part);
+        fit.filter(|fit| *fit != PartFit::Mentioned)
+    };
+    let best = labels.iter().filter_map(fit).min();
+    let found: Vec<usize> = (0..labels.len()).filter(|of| best.is_some() && fit(&labels[*of]) == best).collect();
+    let list = |of: &[usize]| of.iter().map(|of| described(&labels[*of])).collect::<Vec<_>>().join("; ");
+    let (typed, part) = (setting.typed.clone(), setting.part.clone());
+    match found[..] {
+        [one] => Ok(one),
+        [] => {
+            let parts = list(&(0..labels.len()).collect::<Vec<_>>());
+            Err(CorrectionError::NoSuchPart { setting: typed, part, parts })
+        }
+        _ => Err(CorrectionError::AmbiguousPart { setting: typed, part, parts: list(&found) }),
+    }
+}
+
+fn described(label: &FieldLabel) -> String {
+    format!("{} ({}, {})", label.id, part_name(&label.caption, &label.material), label.material)
+}
+
+fn no_such_material(name: &str, library: &MaterialLibrary) -> CorrectionError {
+    CorrectionError::NoSuchMaterial { name: name.to_owned(), nearest: library.similar(name, NEAREST) }
+}
+
+fn no_such_filling(name: &str, library: &MaterialLibrary) -> CorrectionError {
+    let fillings: Vec<&str> = library.fillings().iter().map(|row| row.name.as_str()).collect();
+    CorrectionError::NoSuchFilling { name: name.to_owned(), fillings: fillings.join(", ") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn labels() -> Vec<FieldLabel> {
+        let library = MaterialLibrary::builtin();
+        let of = |id, caption: &str, material: &str| FieldLabel {
+            caption: caption.to_owned(),
+            ..FieldLabel::of(id, library.get(material).unwrap())
+        };
+        vec![
+            of(1, "hammer head that strikes", "steel, medium carbon 1045"),
+            of(4, "wooden handle; pale", "ash, white"),
+            of(7, "grip of the handle", "rubber band"),
+        ]
+    }
+
+    fn set(typed: &[&str]) -> Result<Vec<FieldLabel>, String> {
+        let settings: Vec<Setting> = typed.iter().map(|typed| typed.parse()).collect::<Result<_, _>>()?;
+        corrected(&labels(), &settings, MaterialLibrary::builtin()).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn units_are_explicit() {
+        let wall = |text: &str| text.parse::<Setting>().map(|setting| setting.correction.form.unwrap());
+        let shell = |low, high| Form::Shell { wall_thickness_m: Range::new(low, high) };
+        assert_eq!(wall("cup.wall=3mm").unwrap(), shell(0.003, 0.003));
+        assert_eq!(wall("cup.wall= 0.2 - 0.4 cm").unwrap(), shell(0.002, 0.004));
+        assert_eq!(wall("cup.wall=none").unwrap(), Form::Solid);
+        for wrong in ["cup.wall=3", "cup.wall=4-2mm", "cup.wall=2m", "cup.wall=-1mm", "cup.wall=nanmm"] {
+            assert!(wall(wrong).unwrap_err().contains("with its unit, such as 3mm"), "{wrong}");
+        }
+        let density = |text: &str| text.parse::<Setting>().map(|setting| setting.correction.density_kg_m3.unwrap());
+        assert_eq!(density("a.b.density=2.7g/cm3").unwrap(), Range::exactly(2700.0));
+        assert_eq!(density("2.density=600-700kg/m3").unwrap(), Range::new(600.0, 700.0));
+        assert!(density("2.density=2700").is_err());
+        let share = |text: &str| text.parse::<Setting>().map(|setting| setting.correction.share.unwrap());
+        assert_eq!(share("can.share=80%").unwrap(), share("can.share=0.8").unwrap());
+        assert!(share("can.share=80").unwrap_err().contains("such as 80%"));
+        for wrong in ["head", "head=steel", "head.colour=red", ".wall=3mm", "head.material="] {
+            assert!(wrong.parse::<Setting>().unwrap_err().contains("PART.KEY=VALUE"), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_part_is_named_by_its_number_or_name() {
+        for name in ["1", "hammer head", "head", "Head"] {
+            let labels = set(&[&format!("{name}.material=aluminium 6061-t6")]).unwrap();
+            assert_eq!(labels[0].material, "aluminium 6061-t6", "{name}");
+            assert!(labels[1..].iter().all(|label| label.corrected.is_none()));
+        }
+        let unknown = set(&["blade.material=steel"]).unwrap_err();
+        assert!(unknown.contains("1 (hammer head, steel") && unknown.contains("4 (wooden handle, ash"), "{unknown}");
+        let two = set(&["handle.wall=2mm"]).unwrap_err();
+        assert!(two.contains("may be any of 4 (") && two.contains("; 7 ("), "{two}");
+        let unknown = set(&["head.material=aluminum 6060-t6"]).unwrap_err();
+        assert!(unknown.contains("the nearest are aluminium 60"), "{unknown}");
+    }
+
+    #[test]
+    fn a_correction_keeps_what_it_does_not_say_and_what_was_answered() {
+        let labels =
+            set(&["head.wall=3mm", "1.filling=water", "1.share=50%", "1.filling=empty", "4.caption=shaft"]).unwrap();
+        let [head, shaft, grip] = &labels[..] else { panic!("three parts") };
+        assert_eq!(head.inside, Some(Contents::Empty), "the last one counts");
+        assert_eq!((&*head.material, &*shaft.caption), ("steel, medium carbon 1045", "shaft"));
+        let corrected = head.corrected.as_ref().unwrap();
+        assert_eq!(corrected.answered.form, Form::Solid);
+        assert_eq!(
+            corrected.to_string(),
+            "corrected: wall 3 mm, filling empty, share 50 %; answered: steel, medium carbon 1045, solid"
+        );
+        assert_eq!(grip, &super::tests::labels()[2]);
+        assert!(set(&["head.filling=water"]).unwrap_err().contains("1.wall=3mm"));
+        assert!(set(&["head.wall=3mm", "head.filling=water"]).unwrap_err().contains("1.share=80%"));
+        assert!(set(&["head.wall=3mm", "head.share=80%"]).unwrap_err().contains("1.filling=water"));
+        assert!(set(&["head.wall=3mm", "head.filling=unobtainium"]).unwrap_err().contains("fillings are empty, "));
+    }
+
+    #[test]
+    fn a_mixed_part_keeps_its_density_until_that_or_its_wall_is_said() {
+        let library = MaterialLibrary::builtin();
+        let mixed =
+            FieldLabel { form: Form::Mixed, density_kg_m3: Range::new(1500.0, 1700.0).into(), ..labels().remove(0) };
+        let density = |typed: &str| {
+            let setting: Setting = typed.parse().unwrap();
+            setting.correction.applied(&mixed, library).unwrap().density_kg_m3
+        };
+        assert_eq!(density("1.material=abs"), mixed.density_kg_m3);
+        assert_eq!(density("1.wall=2mm"), library.get(&mixed.material).unwrap().density_kg_m3.into());
+        assert_eq!(density("1.density=900kg/m3"), Range::exactly(900.0).into());
+    }
+}
