@@ -23,7 +23,7 @@ _ESTIMATE = (3,)
 _VECTOR = (3,)
 
 # As in the program: the format of its files, how deep JSON may be nested, and how long the header of a PLY may be.
-_FORMAT_VERSION = 9
+_FORMAT_VERSION = 10
 _DEEPEST_JSON = 127
 _LONGEST_HEADER = 1 << 20
 
