@@ -12,7 +12,7 @@
 //! not take back is an error: without it, the results of the run would be replaced.
 
 use std::borrow::Cow;
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
 use clap::ArgMatches;
@@ -28,12 +28,21 @@ use super::Global;
 /// Flags that no scene may set, but that are taken back from any work folder: they stand for flags that a scene may set.
 const FOR_SCENE_FLAGS: &[&str] = &["preset"];
 
-/// Flags that hold beside those that are typed: the recorded parameters belong to the scenario, and each correction is about
-/// something else, or about the same, and then the typed one counts.
-const HOLD_BESIDE_TYPED: &[&str] = &["scenario", "correct"];
-
 /// Flags that no scene may set, but that are taken back from a work folder that the user names.
 const OF_OWN_FOLDER: &[&str] = &["prompts", "recordings"];
+
+/// Whether something is typed in place of a recorded flag. The scenario stays, because the recorded parameters belong to it, and so
+/// does a correction, except of what is typed otherwise.
+fn is_replaced(name: &str, recorded: &OsStr, typed: &[OsString]) -> bool {
+    // The second piece of `--correct=PART.KEY=VALUE`.
+    let corrects = |flag: &OsStr| flag.to_str().and_then(|flag| flag.split('=').nth(1).map(str::to_owned));
+    let mut of_name = typed.iter().filter(|typed| config::name_of(typed) == name);
+    match name {
+        "scenario" => false,
+        "correct" => of_name.any(|typed| corrects(typed) == corrects(recorded)),
+        _ => of_name.next().is_some(),
+    }
+}
 
 /// Linux accepts no argument longer than this (MAX_ARG_STRLEN), so a longer flag was not typed.
 const LONGEST_FLAG: usize = 128 * 1024;
@@ -83,7 +92,7 @@ pub fn flags(
     let mut flags = Vec::new();
     for text in pipeline::flags_of_last_run(&root, Plan { to, from: None }) {
         let Some((flag, value)) = parsed(&text, known) else { continue };
-        if !HOLD_BESIDE_TYPED.contains(&&*flag.name) && typed.iter().any(|typed| config::name_of(typed) == flag.name) {
+        if is_replaced(&flag.name, OsStr::new(&text), &typed) {
             continue;
         }
         flags.push(taken_back(flag, value, &home, owner).ok_or_else(|| ConfigError::NotFromLastRun {
@@ -157,5 +166,19 @@ fn shown(text: &str) -> Cow<'_, str> {
             format!("{}…{}", one_line(&text[..head]), one_line(&text[tail..])).into()
         }
         _ => one_line(text),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_correction_replaces_a_recorded_one_of_the_same_thing() {
+        let typed = ["--correct=cup.wall=3mm", "--drop-height=2"].map(OsString::from);
+        let replaced = |name: &str, recorded: &str| is_replaced(name, OsStr::new(recorded), &typed);
+        assert!(replaced("correct", "--correct=cup.wall=5mm"));
+        assert!(!replaced("correct", "--correct=cup.material=glass"));
+        assert!(replaced("drop-height", "--drop-height=1") && !replaced("grid", "--grid=64"));
     }
 }

@@ -10,7 +10,7 @@ use crate::error::{Context, Error, ErrorKind, Result, UsageError};
 use crate::exit;
 use crate::export::{Format, Table, compose_mjcf};
 use crate::objects::{self, Objects, SomeFailed};
-use crate::pipeline::{Stage, work_folder_of};
+use crate::pipeline::{Options, Stage, work_folder_of};
 use crate::scene::{ObjectChoice, ObjectNumber, Plane, StandingObjects};
 use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
@@ -57,20 +57,25 @@ pub fn run_one(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Res
     run_scene(global, folder, work, run.to)
 }
 
+/// What is true of one object is not taken for true of all.
+fn refuse_options_of_one_object(options: &Options) -> Result<(), UsageError> {
+    let problem = if options.parts.known_mass.is_some() {
+        "--known-mass is the mass of one object; say of which with --object N"
+    } else if !options.vote.correct.is_empty() {
+        "corrections (--correct, or [part.NAME] in gprop.toml) are about the parts of one object; say of which with --object N"
+    } else {
+        return Ok(());
+    };
+    Err(UsageError(problem.to_owned()))
+}
+
 /// Runs every object, and writes the list and the page of the capture after each.
 fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &StandingObjects) -> Result<()> {
     if !run.simulates {
         scene::check_without_simulation(run.to)?;
     }
     found.require_any()?;
-    if work.options.parts.known_mass.is_some() {
-        let problem = "--known-mass is the mass of one object; say of which with --object N";
-        return Err(UsageError(problem.to_owned()).into());
-    }
-    if !work.options.vote.correct.is_empty() {
-        let problem = "--correct corrects the parts of one object; say of which with --object N";
-        return Err(UsageError(problem.to_owned()).into());
-    }
+    refuse_options_of_one_object(&work.options)?;
     let numbers: Vec<ObjectNumber> = ObjectNumber::first(found.count).collect();
     global.progress().line(&format!(
         "{} on the surface; each is run by itself (--object N runs one, `gprop objects` shows them)",
@@ -163,6 +168,7 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     let formats = scene::formats(args)?;
     let found = StandingObjects::find(&args.scene, &args.options.scene)?;
     found.require_any()?;
+    refuse_options_of_one_object(&args.options)?;
     let (mut files, mut names) = (Vec::new(), Vec::new());
     let mut meters_per_unit = 1.0;
     for number in ObjectNumber::first(found.count) {

@@ -63,6 +63,8 @@ pub enum ConfigError {
         "{path:?} line {line}: `{key}` corrects a part: give it a table with keys such as material = \"steel\" or wall = \"3mm\""
     )]
     NoCorrection { path: PathBuf, line: usize, key: String },
+    #[error("{path:?} line {line}: `{key}` takes one string or number")]
+    NotOneValue { path: PathBuf, line: usize, key: String },
     #[error("{path:?} line {line}: {problem}")]
     InvalidValue { path: PathBuf, line: usize, problem: String },
     #[error(
@@ -213,7 +215,7 @@ pub struct FileFlags {
     pub flags: Vec<OsString>,
     /// The switches that the file turns off.
     off: Vec<String>,
-    /// The line of each key, by the name of its flag.
+    /// The line of each key, by the name of its flag; of a correction, by all of its flag without dashes.
     lines: BTreeMap<String, usize>,
 }
 
@@ -227,7 +229,8 @@ impl FileFlags {
     pub fn invalid_value(&self, problem_with: &dyn Fn(&OsString) -> Option<String>) -> Option<ConfigError> {
         self.flags.iter().find_map(|flag| {
             let problem = problem_with(flag)?;
-            let line = *self.lines.get(name_of(flag))?;
+            let of_one = flag.to_str().and_then(|flag| self.lines.get(flag.trim_start_matches('-')));
+            let line = *of_one.or_else(|| self.lines.get(name_of(flag)))?;
             Some(ConfigError::InvalidValue { path: self.path.clone(), line, problem })
         })
     }
@@ -334,15 +337,18 @@ impl Reader<'_> {
         for (part, keys) in parts {
             let line = line_of(self.text, part.span().start);
             let (path, shown) = (self.path, format!("{CORRECTED_PART}.{}", part.get_ref()));
-            let bad_value = |line| ConfigError::NoCorrection { path: path.to_owned(), line, key: shown.clone() };
-            let DeValue::Table(keys) = keys.get_ref() else { return Err(bad_value(line)) };
-            let set = self.known.iter().find(|flag| flag.name == CORRECTION).ok_or_else(|| bad_value(line))?;
+            let no_table = |line| ConfigError::NoCorrection { path: path.to_owned(), line, key: shown.clone() };
+            let DeValue::Table(keys) = keys.get_ref() else { return Err(no_table(line)) };
+            let corrects = self.known.iter().find(|flag| flag.name == CORRECTION).ok_or_else(|| no_table(line))?;
             for (key, value) in keys {
                 let line = line_of(self.text, key.span().start);
-                let value = scalar(value.get_ref()).ok_or_else(|| bad_value(line))?;
+                let key_of_part = format!("{shown}.{}", key.get_ref());
+                let value = scalar(value.get_ref());
+                let value =
+                    value.ok_or_else(|| ConfigError::NotOneValue { path: path.to_owned(), line, key: key_of_part })?;
                 let text = format!("{}.{}={value}", part.get_ref(), key.get_ref());
-                found.flags.push(self.flag(set, &text, key.get_ref(), line)?);
-                found.lines.insert(CORRECTION.to_owned(), line);
+                found.lines.insert(format!("{CORRECTION}={text}"), line);
+                found.flags.push(self.flag(corrects, &text, key.get_ref(), line)?);
             }
         }
         Ok(())

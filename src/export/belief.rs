@@ -11,7 +11,7 @@ struct Belief {
     frame: &'static str,
     /// By rows; maps a point to the frame and unit of the scene's files.
     input_from_asset: [f64; 16],
-    /// The scale may be further off than the samples say.
+    /// Says that the scale may be further off than the samples show; missing if it is not in doubt.
     #[serde(skip_serializing_if = "Option::is_none")]
     note: Option<&'static str>,
     samples: Vec<Sample>,

@@ -206,7 +206,7 @@ pub struct BelievedChoice {
     pub under: Vec<f64>,
     /// What the part weighs in this way by shape and material alone, kg; null if it fills no volume.
     pub mass_kg: Option<Estimate>,
-    /// The same of what fills it; null if nothing does.
+    /// The same of what fills it, or what is printed on the object about its contents; null if nothing does.
     pub filling_kg: Option<Estimate>,
 }
 

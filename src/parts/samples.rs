@@ -69,7 +69,7 @@ pub fn samples(parts: &Parts, labels: &dyn Fn(u32) -> Vec<FieldLabel>, count: us
     for whole in Whole::all(parts) {
         let before = found.len();
         reached += whole.probability;
-        let until = ((reached * count as f64).round() as usize).min(count);
+        let until = ((reached * count as f64).round() as usize).min(count).max(before);
         found.extend(object.samples(&whole, until - before, &mut random));
     }
     random.shuffle(&mut found);
@@ -167,16 +167,18 @@ impl Object<'_> {
             let believed = belief.into_iter().flat_map(|belief| &belief.parts).find(|of| of.id == part.id);
             let places = shuffled(count, random);
             for (items, place) in made.iter_mut().zip(places) {
-                match (believed, &whole.hypothesis) {
-                    (Some(believed), Some((hypothesis, _))) => {
-                        let chosen = chosen(believed, *hypothesis, place);
-                        let label = labels.get(chosen).unwrap_or(&labels[0]);
-                        items.extend(Item::of_choice(part, label, &believed.choices[chosen]));
-                    }
-                    _ => items.extend(self.items_of(part, &labels[0])),
+                let way = believed.zip(whole.hypothesis.as_ref()).and_then(|(believed, (hypothesis, _))| {
+                    let chosen = chosen(believed, *hypothesis, place);
+                    labels.get(chosen).zip(believed.choices.get(chosen))
+                });
+                match way {
+                    Some((label, choice)) => items.extend(Item::of_choice(part, label, choice)),
+                    None => items.extend(self.items_of(part, &labels[0])),
                 }
             }
         }
+        // What weighs nothing has no density.
+        made.iter_mut().for_each(|items| items.retain(|item| item.mass_kg.mid > 0.0));
         for thing in belief.into_iter().flat_map(|belief| &belief.unnumbered) {
             let Range { low, high } = thing.mass_kg;
             let mass_kg = Estimate::new(low, thing.mass_kg.geometric_mid(), high);
@@ -198,7 +200,7 @@ impl Object<'_> {
         own.into_iter().chain(filling)
     }
 
-    /// The centre of mass and the inertia about it. Every part and filling has its own shape; a filling that was not weighed has that of
+    /// The centre of mass and the inertia about it; as weighed if nothing has a place. Every part and filling has its own shape; a filling that was not weighed has that of
     /// its shell, and what no part shows is spread like the rest.
     fn moments(&self, items: &[Item], masses: &[f64]) -> ([f64; 3], [[f64; 3]; 3]) {
         let bodies: Vec<(f64, Vector3<f64>, Matrix3<f64>)> = items
@@ -207,6 +209,10 @@ impl Object<'_> {
             .filter_map(|(item, mass)| self.shape(item).map(|(center, per_kg)| (*mass, center, per_kg)))
             .collect();
         let placed: f64 = bodies.iter().map(|(mass, ..)| mass).sum();
+        if placed <= 0.0 {
+            let object = &self.parts.object;
+            return (object.center_of_mass_m, object.inertia_kg_m2);
+        }
         let center = bodies.iter().map(|(mass, center, _)| center * *mass).sum::<Vector3<f64>>() / placed;
         let about_center = |(mass, own, per_kg): &(f64, Vector3<f64>, Matrix3<f64>)| {
             let offset = own - center;

@@ -21,7 +21,7 @@ use crate::parts::Interior;
 #[derive(Debug, Clone, Copy)]
 pub struct ExportOptions<'a> {
     pub formats: &'a [Format],
-    /// Those of [`Format::Asset`].
+    /// The colliders of [`Format::Asset`].
     pub colliders: Colliders,
     /// How many samples [`Format::Belief`] has.
     pub samples: usize,

@@ -14,7 +14,7 @@ use super::contents::filled;
 use super::{Contents, FieldLabel};
 use crate::materials::MaterialLibrary;
 use crate::query::Form;
-use crate::units::Range;
+use crate::units::{Estimate, Range};
 use crate::words::part_fit::PartFit;
 use crate::words::part_name::part_name;
 use crate::words::readable::significant;
@@ -27,7 +27,7 @@ const DENSITY_KG_M3: Range = Range::new(1.0, 22_600.0);
 const SHARE: Range = Range::new(0.01, 1.0);
 
 const WALL_UNITS: [(&str, f64); 3] = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
-const DENSITY_UNITS: [(&str, f64); 2] = [("kg/m3", 1.0), ("g/cm3", 1e3)];
+const DENSITY_UNITS: [(&str, f64); 4] = [("kg/m3", 1.0), ("kg/m³", 1.0), ("g/cm3", 1e3), ("g/cm³", 1e3)];
 const SHARE_UNITS: [(&str, f64); 2] = [("%", 1e-2), ("", 1.0)];
 
 /// For a part without a wall.
@@ -89,6 +89,9 @@ pub struct Answered {
     pub material: String,
     #[serde(flatten)]
     pub form: Form,
+    /// Of a shell that is filled, with what.
+    pub filling: Option<String>,
+    pub density_kg_m3: Estimate,
 }
 
 /// Why a part cannot be corrected as the user says.
@@ -96,15 +99,15 @@ pub struct Answered {
 pub enum CorrectionError {
     #[error("--correct {setting}: no part is called {part:?}; give one of these, by its number or name: {parts}")]
     NoSuchPart { setting: String, part: String, parts: String },
-    #[error("--correct {setting}: {part:?} may be any of {parts}; give its number")]
+    #[error("--correct {setting}: {part:?} fits several parts: {parts}; give a number")]
     AmbiguousPart { setting: String, part: String, parts: String },
     #[error("--correct: the material library has no {name:?}; {}", near(nearest, "gprop materials list"))]
     NoSuchMaterial { name: String, nearest: Vec<String> },
-    #[error("--correct: no filling is called {name:?}; fillings are empty, {fillings}")]
+    #[error("--correct: no filling is called {name:?}; give one of these: empty, {fillings}")]
     NoSuchFilling { name: String, fillings: String },
     #[error("--correct: {part} has no hollow to fill; say how thick its wall is, such as --correct {id}.wall=3mm")]
     NoHollow { part: String, id: u32 },
-    #[error("--correct: the answers do not say how full {part} is; say it, such as --correct {id}.share=80%")]
+    #[error("--correct: the answers do not say how full {part} is; say how full, such as --correct {id}.share=80%")]
     NoShare { part: String, id: u32 },
     #[error("--correct: nothing is known to be in {part}; say what is, such as --correct {id}.filling=water")]
     NothingInside { part: String, id: u32 },
@@ -150,7 +153,7 @@ impl FromStr for Setting {
 }
 
 fn wall(value: &str) -> Result<Form, String> {
-    if value == NONE {
+    if value.eq_ignore_ascii_case(NONE) {
         return Ok(Form::Solid);
     }
     let problem = || "give the wall's thickness with its unit, such as 3mm or 2-4mm, or none for a solid".to_owned();
@@ -191,7 +194,7 @@ impl fmt::Display for Setting {
 }
 
 impl Correction {
-    /// Both corrections; what `later` says counts.
+    /// Both corrections together; if both set something, `later` counts.
     fn then(self, later: Self) -> Self {
         Self {
             caption: later.caption.or(self.caption),
@@ -224,8 +227,13 @@ impl Correction {
         if let Some(caption) = &self.caption {
             label.caption.clone_from(caption);
         }
-        let FieldLabel { caption, material, form, .. } = answered.clone();
-        let answered = Answered { caption, material, form };
+        let FieldLabel { caption, material, form, density_kg_m3, inside, .. } = answered.clone();
+        let filling = match inside {
+            Some(Contents::Filled(filled)) => Some(filled.filling),
+            Some(Contents::Empty) => Some(EMPTY.to_owned()),
+            Some(Contents::Unknown) | None => None,
+        };
+        let answered = Answered { caption, material, form, filling, density_kg_m3 };
         label.corrected = Some(Box::new(Corrected { to: self.clone(), answered }));
         Ok(label)
     }
@@ -320,7 +328,17 @@ impl fmt::Display for Answered {
 
 impl fmt::Display for Corrected {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "corrected: {}; answered: {}", self.to, self.answered)
+        write!(f, "corrected: {}; answered: {}", self.to, self.answered)?;
+        if let Some(filling) = self.answered.filling.as_ref().filter(|_| self.to.filling.is_some()) {
+            write!(f, ", filling {filling}")?;
+        }
+        if self.to.density_kg_m3.is_some() {
+            write!(f, ", {} kg/m3", significant(self.answered.density_kg_m3.mid))?;
+        }
+        if self.to.caption.is_some() {
+            write!(f, ", {}", self.answered.caption)?;
+        }
+        Ok(())
     }
 }
 
@@ -443,7 +461,7 @@ mod tests {
         let unknown = set(&["blade.material=steel"]).unwrap_err();
         assert!(unknown.contains("1 (hammer head, steel") && unknown.contains("4 (wooden handle, ash"), "{unknown}");
         let two = set(&["handle.wall=2mm"]).unwrap_err();
-        assert!(two.contains("may be any of 4 (") && two.contains("; 7 ("), "{two}");
+        assert!(two.contains("fits several parts: 4 (") && two.contains("; 7 ("), "{two}");
         let unknown = set(&["head.material=aluminum 6060-t6"]).unwrap_err();
         assert!(unknown.contains("the nearest are aluminium 60"), "{unknown}");
     }
@@ -465,7 +483,9 @@ mod tests {
         assert!(set(&["head.filling=water"]).unwrap_err().contains("1.wall=3mm"));
         assert!(set(&["head.wall=3mm", "head.filling=water"]).unwrap_err().contains("1.share=80%"));
         assert!(set(&["head.wall=3mm", "head.share=80%"]).unwrap_err().contains("1.filling=water"));
-        assert!(set(&["head.wall=3mm", "head.filling=unobtainium"]).unwrap_err().contains("fillings are empty, "));
+        assert!(
+            set(&["head.wall=3mm", "head.filling=unobtainium"]).unwrap_err().contains("give one of these: empty, ")
+        );
     }
 
     #[test]

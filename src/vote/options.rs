@@ -37,8 +37,8 @@ pub struct Options {
     #[arg(value_parser = NEIGHBORS)]
     pub neighbors: NonZeroUsize,
 
-    /// What you know better than the model, of the part with this name or number: `head.material=steel`, `cup.wall=3mm` (or
-    /// `none`), `density=2700kg/m3`, `filling`, `share`, `caption`; once for each thing
+    /// Correct a part, by its name or number: `head.material=steel`, `cup.wall=3mm` (`none` if solid), `can.filling=water`,
+    /// `can.share=80%`, `head.density=7850kg/m3`, `head.caption=TEXT`; may be repeated
     #[arg(long, value_name = "PART.KEY=VALUE")]
     pub correct: Vec<Setting>,
 }

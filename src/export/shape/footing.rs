@@ -62,8 +62,14 @@ impl Footing {
         }
     }
 
-    /// Sets the vertices that touch the plane onto it, but leaves the upper side of what is thin above it.
+    /// Sets the vertices that touch the plane onto it, but leaves the upper side of what is thin above it. What is all below it
+    /// keeps its shape, and is raised onto it.
     pub fn flatten_mesh(&self, mesh: &mut Mesh) {
+        if mesh.vertices.iter().all(|vertex| self.height(vertex) <= 0.0) {
+            let lowest = mesh.vertices.iter().map(|vertex| self.height(vertex)).fold(f64::INFINITY, f64::min);
+            mesh.vertices.iter_mut().for_each(|vertex| *vertex -= self.normal * lowest);
+            return;
+        }
         let normals = mesh.normals();
         for (vertex, normal) in mesh.vertices.iter_mut().zip(normals) {
             let is_upper_side = normal.dot(&self.normal) > 0.0 && self.height(vertex) > 0.0;
@@ -191,9 +197,17 @@ mod tests {
         );
         // So does its mesh, whose upper side is within the tolerance, too.
         let Collider { vertices, triangles, .. } = collider(&(0..8).map(|n| corner(n, 0.0005)).collect::<Vec<_>>());
-        let mut mesh = Mesh { vertices, triangles };
-        Footing { normal: Vector3::z(), offset: 0.0, tolerance: SPREAD }.flatten_mesh(&mut mesh);
-        let of_height = |height: f64| mesh.vertices.iter().filter(|v| (v.z - height).abs() < 1e-12).count();
-        assert_eq!((of_height(0.0), of_height(0.0015)), (4, 4));
+        let footing = Footing { normal: Vector3::z(), offset: 0.0, tolerance: SPREAD };
+        let heights = |rise: f64| {
+            let vertices = vertices.iter().map(|vertex| vertex + Vector3::z() * rise).collect();
+            let mut mesh = Mesh { vertices, triangles: triangles.clone() };
+            footing.flatten_mesh(&mut mesh);
+            let mut micrometers: Vec<i64> = mesh.vertices.iter().map(|v| (1e6 * v.z).round() as i64).collect();
+            micrometers.sort_unstable();
+            micrometers.dedup();
+            micrometers
+        };
+        assert_eq!(heights(0.0), [0, 1500], "above the plane");
+        assert_eq!(heights(-0.003), [0, 1000], "below it");
     }
 }

@@ -17,23 +17,42 @@ pub fn corrected(
     label: &FieldLabel,
     library: &MaterialLibrary,
 ) -> Vec<Possible> {
-    let mut agree = 0;
+    let Some(hypotheses) = choices.first().map(|choice| choice.under.len()) else { return choices };
+    let mut agrees = Vec::with_capacity(choices.len());
     for choice in &mut choices {
         let as_corrected = correction.applied(&choice.label, library);
-        match as_corrected.ok().filter(|_| correction.agrees_with(&choice.label, library)) {
-            Some(as_corrected) => {
-                choice.label = as_corrected;
-                choice.under.iter_mut().for_each(|under| *under = OUTSIDE + (1.0 - OUTSIDE) * *under);
-                agree += 1;
-            }
+        let as_corrected = as_corrected.ok().filter(|_| correction.agrees_with(&choice.label, library));
+        agrees.push(as_corrected.is_some());
+        match as_corrected {
+            Some(as_corrected) => choice.label = FieldLabel { corrected: label.corrected.clone(), ..as_corrected },
             None => choice.likelihood = 0.0,
         }
     }
-    if let Some(hypotheses) = choices.first().map(|choice| choice.under.len()).filter(|_| agree == 0) {
+    if !agrees.contains(&true) {
         let under = vec![OUTSIDE; hypotheses];
         choices.push(Possible { label: label.clone(), under, likelihood: 1.0, stated_probability: 0.0 });
+    } else if agrees.contains(&false) {
+        (0..hypotheses).for_each(|hypothesis| take_over(&mut choices, &agrees, hypothesis));
     }
     choices
+}
+
+/// Gives the choices that agree the probability that they have under a hypothesis and, of that of the others, what lies
+/// outside of all that a model says.
+fn take_over(choices: &mut [Possible], agrees: &[bool], hypothesis: usize) {
+    let all: f64 = choices.iter().map(|choice| choice.under[hypothesis]).sum();
+    let mut agreeing: Vec<&mut f64> = choices
+        .iter_mut()
+        .zip(agrees)
+        .filter(|(_, agrees)| **agrees)
+        .map(|(choice, _)| &mut choice.under[hypothesis])
+        .collect();
+    let kept: f64 = agreeing.iter().map(|under| **under).sum();
+    let taken = OUTSIDE * all + (1.0 - OUTSIDE) * kept;
+    let count = agreeing.len() as f64;
+    for under in &mut agreeing {
+        **under = if kept > 0.0 { **under * taken / kept } else { taken / count };
+    }
 }
 
 #[cfg(test)]
@@ -65,7 +84,8 @@ mod tests {
         let found = after(&Correction { material: Some("abs".to_owned()), ..Correction::default() });
         assert_eq!(found.iter().map(|choice| choice.likelihood).collect::<Vec<_>>(), [0.0, 0.7]);
         assert_eq!(found[1].under, [OUTSIDE, 1.0]);
-        assert!(found[1].label.corrected.is_some());
+        let answered = found[1].label.corrected.as_ref().map(|corrected| &*corrected.answered.material);
+        assert_eq!(answered, Some("stainless steel 304"), "what the vote says, not what the choice says");
     }
 
     #[test]
@@ -81,5 +101,6 @@ mod tests {
         let found = after(&Correction { density_kg_m3: Some(Range::exactly(900.0)), ..Correction::default() });
         assert!(found.len() == 2 && found.iter().all(|choice| choice.label.density_kg_m3.mid == 900.0), "{found:?}");
         assert!(found.iter().all(|choice| choice.likelihood == 0.7 && choice.label.form == Form::Solid));
+        assert_eq!([&*found[0].under, &*found[1].under], [[1.0, 0.0], [0.0, 1.0]]);
     }
 }

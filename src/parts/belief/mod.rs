@@ -219,12 +219,13 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
     let taken = taken(possible, &states, &posterior, &of_hypothesis);
     let unnumbered = things(possible, &states, &posterior);
     let best = (0..states.len()).rev().max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]));
+    let printed_kg = best.and_then(|best| printed_mass(evidence, &states[best].state));
     Believed {
         unshown_kg: unnumbered.iter().map(|of| of.probability * of.mass_kg.geometric_mid()).sum(),
-        printed_kg: best.and_then(|best| printed_mass(evidence, &states[best].state)),
+        printed_kg,
         object: ObjectBelief {
             hypotheses: hypotheses(possible, &by_hypothesis, &of_hypothesis),
-            parts: parts(evidence, unknowns, &states, &posterior, &taken),
+            parts: parts(evidence, unknowns, &states, &posterior, &taken, printed_kg),
             shape_kg: by_shape.percentiles(),
             printed: printed_text(possible, &states),
             unnumbered,
@@ -359,6 +360,7 @@ fn parts(
     states: &[Weighed],
     posterior: &[f64],
     taken: &[Option<usize>],
+    printed_kg: Option<f64>,
 ) -> Vec<BelievedPart> {
     let Evidence { possible, weights, label_of, .. } = evidence;
     let by_shape = Belief::prior(unknowns);
@@ -367,6 +369,13 @@ fn parts(
         let own = of_choice.iter().find(|weight| label_of[weight.of] == label && weight.is_filling == is_filling);
         own.map(|weight| by_shape.of(&weight.mass))
     };
+    let filling_of = |label: &usize| mass(*label, taken[*label].unwrap_or(0), true).map_or(0.0, |filling| filling.mid);
+    let with_most = (0..possible.of_label.len()).max_by(|a, b| filling_of(a).total_cmp(&filling_of(b)));
+    let printed = printed_kg.map(|kg| Estimate::new(kg * (-PRINTED_ERROR).exp(), kg, kg * PRINTED_ERROR.exp()));
+    let filling = |label: usize, choice: usize| {
+        let by_shape = mass(label, choice, true)?;
+        Some(printed.filter(|_| Some(label) == with_most).unwrap_or(by_shape))
+    };
     let of_label = |(label, choices): (usize, &Vec<Possible>)| {
         let choice = |(index, choice): (usize, &Possible)| BelievedChoice {
             material: choice.label.material.clone(),
@@ -374,7 +383,7 @@ fn parts(
             probability: probability_of(states, posterior, label, index),
             under: probabilities_under(possible, states, posterior, label, index),
             mass_kg: mass(label, index, false),
-            filling_kg: mass(label, index, true),
+            filling_kg: filling(label, index),
         };
         let first = choices.first()?;
         Some(BelievedPart {

@@ -66,7 +66,7 @@ impl FoundSubjects {
         }
         let view_share =
             |shown: &ShownIn| f64::from(shown.pixels) / of_views.get(&*shown.view).copied().unwrap_or(f64::INFINITY);
-        // By id; a piece's are its part's too.
+        // By id; the Gaussians of a piece also count for its part.
         let mut centers: BTreeMap<u16, Vec<Point3<f64>>> = BTreeMap::new();
         for i in (0..gaussians.len()).filter(|i| !gaussians.is_set_aside(*i)) {
             let id = of_gaussian.0[i];
