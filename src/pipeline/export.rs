@@ -38,8 +38,8 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
     let source = splat.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let cameras = open.scene.cameras();
     let scale = scale(open)?;
-    let count = if formats.contains(&Format::Belief) { samples } else { 0 };
-    let samples = samples_of(open, count)?.unwrap_or_default();
+    let samples = if formats.contains(&Format::Belief) { samples_of(open, samples)? } else { None };
+    let samples = samples.unwrap_or_default();
     let model = Model {
         name: &open.scene.name,
         gaussians: &open.scene.gaussians,

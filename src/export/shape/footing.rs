@@ -5,17 +5,16 @@
 //! spread cannot be told from it: it is set onto the surface, as is what lies below. The object then stands on all that
 //! touches. What is higher, as the recess within the foot ring of a mug, stays as it is.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::Point3;
 
 use super::{Collider, Mesh};
 use crate::numeric::hull::Hull;
-use crate::scene::SupportSurface;
+use crate::scene::{Plane, SupportSurface};
 
 /// The plane on which an object stands, and what counts as touching it; in metres.
 #[derive(Debug, Clone, Copy)]
 pub struct Footing {
-    normal: Vector3<f64>,
-    offset: f64,
+    plane: Plane,
     tolerance: f64,
 }
 
@@ -23,25 +22,28 @@ impl Footing {
     /// The plane of the support or, if all colliders are higher than its spread, the one parallel to it through their lowest
     /// vertex: that the object stands there is known, and what is missing below is not. `None` without colliders.
     pub fn of(support: &SupportSurface, meters_per_unit: f64, colliders: &[Collider]) -> Option<Self> {
-        let normal = support.plane.normal;
         let tolerance = support.spread * meters_per_unit;
-        let heights = colliders.iter().flat_map(|collider| &collider.vertices).map(|v| normal.dot(&v.coords));
+        let mut plane = Plane { offset: support.plane.offset * meters_per_unit, ..support.plane };
+        let heights = colliders.iter().flat_map(|collider| &collider.vertices).map(|vertex| plane.height(vertex));
         let lowest = heights.reduce(f64::min)?;
-        let of_support = support.plane.offset * meters_per_unit;
-        let offset = if lowest > of_support + tolerance { lowest } else { of_support };
-        Some(Self { normal, offset, tolerance })
-    }
-
-    fn height(&self, point: &Point3<f64>) -> f64 {
-        self.normal.dot(&point.coords) - self.offset
+        if lowest > tolerance {
+            plane.offset += lowest;
+        }
+        Some(Self { plane, tolerance })
     }
 
     fn touches(&self, point: &Point3<f64>) -> bool {
-        self.height(point) <= self.tolerance
+        self.plane.height(point) <= self.tolerance
     }
 
     fn onto(&self, point: &Point3<f64>) -> Point3<f64> {
-        point - self.normal * self.height(point)
+        point - self.plane.normal * self.plane.height(point)
+    }
+
+    /// Moves all of these until the lowest is on the plane.
+    fn set_down(&self, vertices: &mut [Point3<f64>]) {
+        let lowest = vertices.iter().map(|vertex| self.plane.height(vertex)).fold(f64::INFINITY, f64::min);
+        vertices.iter_mut().for_each(|vertex| *vertex -= self.plane.normal * lowest);
     }
 
     /// Sets the vertices that touch the plane onto it, and takes the convex hull. A collider that is no higher than the tolerance
@@ -50,29 +52,27 @@ impl Footing {
         if !collider.vertices.iter().any(|vertex| self.touches(vertex)) {
             return;
         }
-        let set_down = |vertex: &Point3<f64>| if self.touches(vertex) { self.onto(vertex) } else { *vertex };
+        let on_plane = |vertex: &Point3<f64>| if self.touches(vertex) { self.onto(vertex) } else { *vertex };
         let is_flat = collider.vertices.iter().all(|vertex| self.touches(vertex));
-        let moved: Vec<Point3<f64>> = collider.vertices.iter().map(set_down).collect();
+        let moved: Vec<Point3<f64>> = collider.vertices.iter().map(on_plane).collect();
         if let Some(hull) = Hull::of(&moved).filter(|_| !is_flat) {
             collider.vertices = hull.vertices;
             collider.triangles = hull.triangles;
         } else {
-            let lowest = collider.vertices.iter().map(|vertex| self.height(vertex)).fold(f64::INFINITY, f64::min);
-            collider.vertices.iter_mut().for_each(|vertex| *vertex -= self.normal * lowest);
+            self.set_down(&mut collider.vertices);
         }
     }
 
     /// Sets the vertices that touch the plane onto it, but leaves the upper side of what is thin above it. What is all below it
     /// keeps its shape, and is raised onto it.
     pub fn flatten_mesh(&self, mesh: &mut Mesh) {
-        if mesh.vertices.iter().all(|vertex| self.height(vertex) <= 0.0) {
-            let lowest = mesh.vertices.iter().map(|vertex| self.height(vertex)).fold(f64::INFINITY, f64::min);
-            mesh.vertices.iter_mut().for_each(|vertex| *vertex -= self.normal * lowest);
+        if mesh.vertices.iter().all(|vertex| self.plane.height(vertex) <= 0.0) {
+            self.set_down(&mut mesh.vertices);
             return;
         }
         let normals = mesh.normals();
         for (vertex, normal) in mesh.vertices.iter_mut().zip(normals) {
-            let is_upper_side = normal.dot(&self.normal) > 0.0 && self.height(vertex) > 0.0;
+            let is_upper_side = normal.dot(&self.plane.normal) > 0.0 && self.plane.height(vertex) > 0.0;
             if self.touches(vertex) && !is_upper_side {
                 *vertex = self.onto(vertex);
             }
@@ -84,8 +84,9 @@ impl Footing {
 mod tests {
     use std::f64::consts::PI;
 
+    use nalgebra::Vector3;
+
     use super::*;
-    use crate::scene::Plane;
 
     /// Standard deviation of the support, m.
     const SPREAD: f64 = 0.002;
@@ -197,7 +198,7 @@ mod tests {
         );
         // So does its mesh, whose upper side is within the tolerance, too.
         let Collider { vertices, triangles, .. } = collider(&(0..8).map(|n| corner(n, 0.0005)).collect::<Vec<_>>());
-        let footing = Footing { normal: Vector3::z(), offset: 0.0, tolerance: SPREAD };
+        let footing = Footing { plane: support.plane, tolerance: SPREAD };
         let heights = |rise: f64| {
             let vertices = vertices.iter().map(|vertex| vertex + Vector3::z() * rise).collect();
             let mut mesh = Mesh { vertices, triangles: triangles.clone() };

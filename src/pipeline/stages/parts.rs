@@ -152,7 +152,7 @@ pub fn weighed_field(open: &OpenScene) -> Result<Arc<MaterialField>> {
 /// `count` samples of what is believed of the object; `None` if the scale is unknown.
 pub fn samples_of(open: &OpenScene, count: usize) -> Result<Option<Vec<Sample>>> {
     let Some(parts) = metric_parts(open)? else { return Ok(None) };
-    let field = weighed_field(open)?;
+    let field = open.get::<MaterialField>()?;
     let possible = possibilities(open, &field)?;
     let labels = |id: u32| -> Vec<FieldLabel> {
         let ways: Vec<FieldLabel> = possible.iter().flat_map(|of| of.labels_of(id)).cloned().collect();
