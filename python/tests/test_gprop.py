@@ -1,4 +1,4 @@
-"""The Python door: on small work folders made here, and on the run of the hammer that scripts/test-wheel makes."""
+"""Reading results in Python: of small work folders made here, and of the run of the hammer that scripts/test-wheel makes."""
 
 import doctest
 import hashlib
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import gprop
 import numpy as np
+from gprop._results import _version as version
 
 #: Folder with the work folder `hammer/gprop`.
 PLACE = os.environ.get("GPROP_PLACE")
@@ -46,15 +47,16 @@ class Made(unittest.TestCase):
         cup |= {"center_of_mass_m": [1, 2, 3], "inertia_kg_m2": np.eye(3).tolist()}
         lid = {"id": 4, "volume_m3": None, "thickness_m": None, "mass_kg": None}
         lid |= {"center_of_mass_m": None, "inertia_kg_m2": None}
-        self.write("parts.json", {"object": {"mass_kg": estimate(0.25)}, "parts": [cup, lid]})
+        whole = {"volume_m3": estimate(1e-4), "mass_kg": estimate(0.25), "center_of_mass_m": [1, 2, 3], "inertia_kg_m2": np.eye(3).tolist()}
+        self.write("parts.json", {"object": whole, "parts": [cup, lid]})
 
     def write_run(self):
         """Writes run.json, with the checksums of the files that are there."""
         for stage in self.stages:
-            files = {"vote": ["field.ply", "labels.json"], "parts": ["parts.json"], "grasp": ["grasp.json"]}[stage["name"]]
+            files = {"vote": ["field.ply", "labels.json", "figure.png"], "parts": ["parts.json"], "grasp": ["grasp.json"]}[stage["name"]]
             there = [name for name in files if (self.folder / name).is_file()]
             stage["outputs"] = [{"path": name} | self.checksum(name) for name in there]
-        record = {"version": gprop._version() or "0.1.0", "stages": self.stages}
+        record = {"version": version() or "0.1.0", "stages": self.stages}
         (self.folder / "run.json").write_text(json.dumps(record))
 
     def checksum(self, name):
@@ -80,6 +82,50 @@ class Made(unittest.TestCase):
         self.assertEqual(cup.parts["inertia_kg_m2"].shape, (2, 3, 3))
         self.assertEqual(cup.parts["gaussians"].tolist(), [1, 2])
         self.assertEqual(cup.parts["caption"].tolist(), ["a cup", "its lid"])
+
+    def test_the_whole_object(self):
+        cup = gprop.load(self.folder)
+        np.testing.assert_array_equal(cup.volume_m3, [5e-5, 1e-4, 2e-4])
+        np.testing.assert_array_equal(cup.center_of_mass_m, [1, 2, 3])
+        np.testing.assert_array_equal(cup.inertia_kg_m2, np.eye(3))
+
+    def test_it_is_shown_in_five_lines(self):
+        labels = json.loads((self.folder / "labels.json").read_text())
+        labels[1]["caption"] = "its\x1b[2J\nlid" + 200 * "!"
+        self.write("labels.json", labels)
+        lines = repr(gprop.load(self.folder)).split("\n")
+        self.assertEqual(len(lines), 5, lines)
+        self.assertIn("2 parts, 3 Gaussians", lines[0])
+        self.assertIn("mass 0.25 kg (0.125 to 0.5); volume 0.1 l", lines[1])
+        self.assertIn("(1, 2, 3) m; inertia (1, 1, 1) kg m2", lines[2])
+        self.assertTrue(lines[3].startswith("a cup 0.25 kg"), lines[3])
+        self.assertIn("its\\x1b[2J\\nlid", lines[3])
+        self.assertTrue(all(len(line) <= 120 for line in lines[1:]))
+
+    def test_a_notebook_shows_the_figure_and_a_table(self):
+        labels = json.loads((self.folder / "labels.json").read_text())
+        labels[1]["caption"] = "<script>"
+        self.write("labels.json", labels)
+        self.assertNotIn("<img", gprop.load(self.folder)._repr_html_())
+        self.write_bytes("figure.png", b"a picture")
+        shown = gprop.load(self.folder)._repr_html_()
+        for part in ("data:image/png;base64,YSBwaWN0dXJl", "0.25 kg (0.125 to 0.5)", "stoneware", "&lt;script&gt;", "unknown"):
+            self.assertIn(part, shown)
+        self.write_bytes("figure.png", b"another")
+        (self.folder / "figure.png").write_bytes(b"one more")
+        self.assert_refused("figure.png' has changed")
+
+    def test_a_plot_has_every_part(self):
+        try:
+            import matplotlib
+        except ImportError:
+            if os.environ.get("GPROP_NO_SKIP"):
+                raise
+            self.skipTest("matplotlib is not installed")
+        matplotlib.use("agg")
+        axes = gprop.load(self.folder).plot()
+        self.assertEqual([text.get_text() for text in axes.get_legend().get_texts()], ["a cup", "its lid"])
+        self.assertEqual([len(cloud.get_offsets()) for cloud in axes.collections], [1, 2])
 
     def test_bodies_that_are_written_as_parts_are_one_part(self):
         inertia = np.diag([0.001, 0.002, 0.003]).tolist()
@@ -229,7 +275,7 @@ class Made(unittest.TestCase):
                 gprop.load(self.folder)
             (self.folder / name).write_bytes(content)
         record = json.loads((self.folder / "run.json").read_text())
-        if gprop._version():
+        if version():
             (self.folder / "run.json").write_text(json.dumps(record | {"version": "0.0.1"}))
             self.assert_refused("made by gprop '0.0.1'")
 

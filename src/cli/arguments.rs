@@ -287,8 +287,21 @@ pub struct RunArgs {
     /// For `gprop batch`: end when stdin closes.
     #[arg(long, hide = true)]
     pub end_with_stdin: bool,
+    /// For the Python module: print the name and the work folder of each object instead of the result, and end when stdin
+    /// closes.
+    #[arg(long, value_name = "OBJECTS", hide = true)]
+    pub for_python: Option<ForPython>,
     #[command(flatten)]
     pub scene: SceneArgs,
+}
+
+/// Which scenes the Python module runs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum ForPython {
+    /// Those of one object; others are refused before anything is done.
+    One,
+    /// Any, object by object.
+    All,
 }
 
 #[derive(Debug, Args)]

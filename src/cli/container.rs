@@ -6,12 +6,16 @@ use crate::error::{Result, UsageError};
 use crate::links::Prepared;
 use crate::pipeline::{Options, Stage};
 
-use super::arguments::RunArgs;
-use super::{ExportArgs, Global, batch, print, scene, shown};
+use super::arguments::{ForPython, RunArgs};
+use super::{ExportArgs, Global, batch, print, print_works, scene, shown};
 
 /// Runs the links of a URDF or MJCF, and prints their masses beside those that the file claims.
 pub fn run(global: &Global, args: &RunArgs) -> Result<()> {
     let work = &args.scene.work;
+    if args.for_python == Some(ForPython::One) {
+        let problem = format!("{:?} may have several links; run each with gprop.run_all", args.scene.scene);
+        return Err(UsageError(problem).into());
+    }
     scene::check_from(work.from, args.to)?;
     if work.dry_run {
         return Err(UsageError(
@@ -29,7 +33,9 @@ pub fn run(global: &Global, args: &RunArgs) -> Result<()> {
     let task = Task { to: args.to, from: work.from, flags, max_usd, threads: global.threads };
     let summary = run_links(global, &prepared, &work.options, task)?;
     let links = prepared.gather()?;
-    if !global.quiet || global.json {
+    if args.for_python.is_some() {
+        print_works(prepared.works())?;
+    } else if !global.quiet || global.json {
         print(global, &links, || links.table())?;
     }
     Ok(summary.require_all()?)

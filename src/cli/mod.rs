@@ -12,6 +12,8 @@ mod log;
 mod manual;
 mod objects;
 mod picture;
+#[cfg(test)]
+mod python;
 mod query;
 mod scene;
 mod simulate;
@@ -71,13 +73,13 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
     last_run::tell(global);
     match &cli.command {
         Command::Run(args) => {
-            if args.end_with_stdin {
+            if args.end_with_stdin || args.for_python.is_some() {
                 crate::batch::end_with_the_batch();
             }
             if is_container(&args.scene.scene) {
                 return container::run(global, args);
             }
-            let run = objects::Run { to: args.to, simulates: !args.no_simulate };
+            let run = objects::Run { to: args.to, simulates: !args.no_simulate, for_python: args.for_python };
             // A scene of a batch is one object.
             let run_scene = if args.end_with_stdin { objects::run_one } else { objects::run };
             run_scene(global, &args.scene.scene, &args.scene.work, run)
@@ -326,6 +328,12 @@ fn print_text(text: &str) -> Result<()> {
 /// Prints the path of a file or folder that was written.
 fn print_path(global: &Global, path: &Path) -> Result<()> {
     print(global, &config::in_json(path), || shown(path))
+}
+
+/// Prints the names of objects and their work folders, for the Python module.
+fn print_works<'a>(works: impl Iterator<Item = (&'a str, PathBuf)>) -> Result<()> {
+    let works: Vec<_> = works.map(|(name, work)| (name, config::in_json(&work).into_owned())).collect();
+    print_text(&serde_json::to_string(&works)?)
 }
 
 /// A path on one line.

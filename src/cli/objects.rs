@@ -15,7 +15,8 @@ use crate::scene::{ObjectChoice, ObjectNumber, Plane, StandingObjects};
 use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
 
-use super::{ExportArgs, Global, WorkArgs, print, scene, shown};
+use super::arguments::ForPython;
+use super::{ExportArgs, Global, WorkArgs, print, print_works, scene, shown};
 
 /// The stages of a run.
 #[derive(Debug, Clone, Copy)]
@@ -23,6 +24,8 @@ pub struct Run {
     /// The last one.
     pub to: Stage,
     pub simulates: bool,
+    /// Set if the Python module runs it.
+    pub for_python: Option<ForPython>,
 }
 
 /// The name of the option that chooses an object.
@@ -46,6 +49,14 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Result<
         ObjectChoice::Auto => StandingObjects::find_several(folder, options).ok().flatten(),
     };
     match several {
+        Some(found) if run.for_python == Some(ForPython::One) => {
+            let problem = format!(
+                "{folder:?} shows {}; name one with object=N, as gprop.call(\"objects\", ...) numbers them, or run each with \
+                 gprop.run_all",
+                counted(found.count, "object")
+            );
+            Err(UsageError(problem).into())
+        }
         Some(found) => run_all(global, folder, work, run, &found),
         None => run_one(global, folder, work, run),
     }
@@ -53,6 +64,15 @@ pub fn run(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Result<
 
 /// Runs a scene as one object.
 pub fn run_one(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Result<()> {
+    if run.for_python.is_some() {
+        if !run.simulates {
+            scene::check_without_simulation(run.to)?;
+        }
+        let mut pipeline = scene::open(global, folder, work, run.to, run.simulates)?;
+        pipeline.run()?;
+        let opened = pipeline.opened();
+        return print_works([(opened.scene.name.as_str(), opened.work.root().to_owned())].into_iter());
+    }
     let run_scene = if run.simulates { scene::run } else { scene::run_without_simulation };
     run_scene(global, folder, work, run.to)
 }
@@ -113,7 +133,11 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
         objects.write(&of_capture)?;
     }
     let page = shown(&root.join(Artifact::ObjectsPage.path()));
-    print(global, &objects, || objects.text() + &page)?;
+    if run.for_python.is_some() {
+        print_works(objects.objects.iter().map(|object| (object.name.as_str(), root.join(&object.work))))?;
+    } else {
+        print(global, &objects, || objects.text() + &page)?;
+    }
     let failed: Vec<String> = numbers
         .iter()
         .zip(&errors)

@@ -18,7 +18,7 @@ const OPENER: &str = if cfg!(target_os = "macos") { "open" } else { "xdg-open" }
 /// `gprop report`: every stage, then the report in the browser if the user wants it there.
 pub fn report(global: &Global, args: &ReportArgs) -> Result<()> {
     let (folder, work) = (&args.scene.scene, &args.scene.work);
-    objects::run(global, folder, work, Run { to: Stage::Report, simulates: !args.no_simulate })?;
+    objects::run(global, folder, work, Run { to: Stage::Report, simulates: !args.no_simulate, for_python: None })?;
     if args.open && !work.dry_run {
         let root = work_folder_of(folder, work.out.as_deref(), work.options.scene.object)?;
         let pages = [Artifact::ReportHtml, Artifact::ObjectsPage].map(|page| root.join(page.path()));

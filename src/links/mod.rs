@@ -132,7 +132,13 @@ impl Prepared {
 
     /// Number of meshes.
     pub fn object_count(&self) -> usize {
-        self.object_of.iter().flatten().collect::<BTreeSet<_>>().len()
+        self.works().count()
+    }
+
+    /// The name of each mesh, with its work folder.
+    pub fn works(&self) -> impl Iterator<Item = (&str, PathBuf)> {
+        let names: BTreeSet<&str> = self.object_of.iter().flatten().map(String::as_str).collect();
+        names.into_iter().map(|name| (name, work_folder(&self.folder().join(format!("{name}.glb")), None)))
     }
 
     /// Runs the meshes; `tell` is called with each outcome.

@@ -82,10 +82,12 @@ impl Run {
         let start = Instant::now();
         let done = (stage.row().run)(open, &self.job(stage, &key))?;
         let record = self.record_of(open, stage, key, done, start)?;
+        // Whoever ends the run when a stage is said to be done finds it done.
+        self.put(open, record.clone())?;
         open.progress().stage_done(&stage.name(), record.seconds);
         record.warnings.iter().for_each(|warning| warn!("{warning}"));
         record.notes.iter().for_each(|note| info!("{note}"));
-        self.put(open, record)
+        Ok(())
     }
 
     fn record_of(
