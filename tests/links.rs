@@ -13,7 +13,7 @@ use gprop::units::Estimate;
 use serde_json::Value;
 
 use crate::export;
-use crate::run::gprop;
+use crate::run::{for_python, gprop};
 use crate::support::python_has;
 
 /// A tetrahedron of 1/6 cubic units.
@@ -79,6 +79,21 @@ fn names(folder: &Path) -> Vec<String> {
 fn volume(glb: &Path) -> f64 {
     let mesh = mesh::read(glb, Axes::ZUp, &ReadScope::new(glb.parent().unwrap())).unwrap();
     solid::measure(&mesh.surface).unwrap().volume.mid
+}
+
+#[test]
+fn python_runs_each_link() {
+    let folder = written("hand.urdf", HAND);
+    let hand = folder.path().join("hand.urdf");
+    let (output, works) = for_python(&hand, &["--to", "scene", "--for-python", "one"]);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && error.contains("run each with gprop.run_all"), "{error}");
+    assert!(works.is_empty() && !folder.path().join("hand.gprop").exists(), "{works:?}");
+    let (_, works) = for_python(&hand, &["--to", "scene", "--for-python", "all"]);
+    let each = ["left_finger", "palm", "thumb"];
+    let folder_of = |name: &str| folder.path().join("hand.gprop/links").join(name).with_extension("gprop");
+    assert_eq!(works, each.map(|name| (name.to_owned(), folder_of(name))));
+    assert!(works.iter().all(|(_, work)| work.join("views.json").exists()));
 }
 
 #[test]

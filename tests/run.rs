@@ -31,6 +31,18 @@ pub fn gprop() -> Command {
     command
 }
 
+/// Runs a command as the Python module does: its stdin stays open until it ends. Returns the names and work folders that it
+/// prints.
+pub fn for_python(scene: &Path, flags: &[&str]) -> (Output, Vec<(String, PathBuf)>) {
+    let mut command = gprop();
+    command.arg("run").arg(scene).args(flags).stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = command.spawn().unwrap();
+    let _open = child.stdin.take();
+    let output = child.wait_with_output().unwrap();
+    let works = serde_json::from_slice(&output.stdout).unwrap_or_default();
+    (output, works)
+}
+
 /// A copy of the hammer that a test may change, with its recordings but without its ground truth.
 pub fn hammer() -> TempDir {
     let copy = TempDir::new().unwrap();

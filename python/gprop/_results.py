@@ -107,10 +107,12 @@ class Result:
         if self.figure is not None:
             picture = base64.b64encode(self.figure).decode()
             figure = f'<img src="data:image/png;base64,{picture}" alt="photo, parts and materials" style="max-width: 100%">'
-        rows = [(_interval(part["mass_kg"], "kg"), part["material"], part["caption"]) for part in self._heaviest()]
-        rows.append((_interval(self.mass_kg, "kg"), "", "the whole object"))
+        rows = [
+            (str(part["id"]), _interval(part["mass_kg"], "kg"), part["material"], part["caption"]) for part in self._heaviest()
+        ]
+        rows.append(("", _interval(self.mass_kg, "kg"), "", "the whole object"))
         cells = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-        table = f"<table><tr><th>mass</th><th>material</th><th>part</th></tr>{cells}</table>"
+        table = f"<table><tr><th></th><th>mass</th><th>material</th><th>part</th></tr>{cells}</table>"
         return f"{figure}{table}<p>{escape(self._grasp_in_words())}</p>"
 
     def _heaviest(self) -> NDArray[Any]:
@@ -168,6 +170,7 @@ class Result:
             x, y, z = positions[labels == part["id"]].T
             axes.scatter(x, y, z, s=1, label=_name(part))
         axes.set_aspect("equal")
+        axes.locator_params(nbins=4)
         axes.set(xlabel="x", ylabel="y", zlabel="z")
         axes.legend(markerscale=6)
         return axes

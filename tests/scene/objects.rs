@@ -15,7 +15,7 @@ use tempfile::TempDir;
 
 use super::folder::{assert_message, options};
 use crate::query::{a, completion, good_answer_about_part};
-use crate::run::gprop;
+use crate::run::{for_python, gprop};
 use crate::support::server::{MockServer, Request, Response};
 use crate::support::{python, python_has, shared};
 use crate::vote::build::{Blob, camera_at, cloud};
@@ -360,6 +360,22 @@ fn a_run_takes_all_objects_and_one_that_fails_does_not_stop_the_others() {
     assert_eq!(list["objects"][1]["error"], Value::Null);
     let (code, _, error) = table.run(&["run", "--known-mass", "1kg"]);
     assert!(code == Some(2) && error.contains("--object N"), "{error}");
+}
+
+#[test]
+fn python_runs_one_object_or_each() {
+    let table = Table::new();
+    let (output, works) = for_python(table.path(), &["--to", "scene", "--for-python", "one"]);
+    let error = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.code() == Some(2) && error.contains("shows 2 objects; name one with object=N"), "{error}");
+    assert!(works.is_empty() && !table.path().join("gprop").exists(), "{works:?}");
+    let folder_of = |object: &str| table.path().join("gprop/objects").join(object);
+    let (_, works) = for_python(table.path(), &["--to", "scene", "--for-python", "one", "--object", "2"]);
+    assert!(works.len() == 1 && works[0].1 == folder_of("object_2"), "{works:?}");
+    let (_, works) = for_python(table.path(), &["--to", "scene", "--for-python", "all"]);
+    let all = ["object_1", "object_2"].map(|object| (object.to_owned(), folder_of(object)));
+    assert_eq!(works, all);
+    assert!(works.iter().all(|(_, work)| work.join("views.json").exists()));
 }
 
 /// In some photos the brick hides some of the cup. There, the cup is neither seen nor absent: no mask of it lies on the brick, and
