@@ -185,8 +185,9 @@ def load(work: str | os.PathLike[str]) -> Result:
     """
     folder = Path(work)
     if not (folder / "field.ply").exists():
-        inside = folder / "gprop"
-        hint = f"; did you mean {str(inside)!r}?" if (inside / "field.ply").is_file() else ""
+        others = [folder / "gprop", *sorted((folder / "objects").glob("*"))]
+        inside = [repr(str(other)) for other in others if (other / "field.ply").is_file()]
+        hint = f"; did you mean {' or '.join(inside)}?" if inside else ""
         raise FileNotFoundError(f"{str(folder)!r} has no field.ply, so it is not the work folder of a finished run{hint}")
     if not (folder / "run.json").exists():
         raise FileNotFoundError(f"{str(folder)!r} has no run.json, which says which results belong together; copy it too")

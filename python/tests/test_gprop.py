@@ -8,6 +8,7 @@ import tempfile
 import tracemalloc
 import unittest
 from pathlib import Path
+from unittest import mock
 
 import gprop
 import numpy as np
@@ -194,11 +195,27 @@ class Made(unittest.TestCase):
         self.assertTrue(np.isnan(cup.mass_kg).all() and np.isnan(cup.masses_kg).all())
         self.assertEqual(cup.parts["density_kg_m3"].tolist(), [[0.5, 1, 2]] * 2)
 
+    def test_a_run_returns_what_its_work_folder_holds(self):
+        program = self.folder.parent / "program"
+        program.write_text(f"#!/bin/sh\necho '{json.dumps([['cup', str(self.folder)]])}'\n")
+        program.chmod(0o755)
+        with mock.patch("gprop._running._path", lambda: str(program)):
+            self.assertEqual(gprop.run("scene").part("lid")["id"], 4)
+            (name, cup), = gprop.run_all("scene").items()
+        self.assertEqual((name, cup.part("lid")["id"]), ("cup", 4))
+
     def test_what_is_no_work_folder_is_refused(self):
         with self.assertRaisesRegex(FileNotFoundError, "did you mean"):
             gprop.load(self.folder.parent)
         with self.assertRaisesRegex(FileNotFoundError, "field.ply"):
             gprop.load(self.folder / "nowhere")
+        objects = self.folder / "nowhere" / "objects"
+        for name in ("object_1", "object_2", "not_run"):
+            (objects / name).mkdir(parents=True)
+        for name in ("object_1", "object_2"):
+            (objects / name / "field.ply").write_bytes(b"")
+        with self.assertRaisesRegex(FileNotFoundError, "did you mean .*object_1' or .*object_2'\\?"):
+            gprop.load(objects.parent)
         (self.folder / "run.json").unlink()
         with self.assertRaisesRegex(FileNotFoundError, "run.json"):
             gprop.load(self.folder)
