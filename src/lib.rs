@@ -113,6 +113,8 @@ pub mod lettering;
 #[doc(hidden)]
 pub mod links;
 #[doc(hidden)]
+pub mod local_server;
+#[doc(hidden)]
 pub mod materials;
 #[doc(hidden)]
 pub mod mpm;

@@ -77,6 +77,8 @@ pub enum Command {
     Segment(SceneArgs),
     /// Get the material of each part from recorded answers or a model; or export questions and import answers.
     Query(QueryArgs),
+    /// Answer the questions yourself, on a page on this machine that shows after each answer how the mass stands.
+    Answer(AnswerArgs),
     /// Give every Gaussian a material by a vote of the views.
     Vote(SceneArgs),
     /// Draw the materials, the parts or the confidence from any view of the scene, or film them on a turntable.
@@ -413,6 +415,15 @@ pub struct QueryArgs {
     /// Mask of a single picture: white, or opaque, on the object.
     #[arg(long, value_name = "FILE", value_parser = option_values::file())]
     pub mask: Option<PathBuf>,
+    #[command(flatten)]
+    pub scene: SceneArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct AnswerArgs {
+    /// Port of 127.0.0.1 on which the page is served; 0 for any that is free.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub port: u16,
     #[command(flatten)]
     pub scene: SceneArgs,
 }

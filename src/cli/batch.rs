@@ -70,7 +70,7 @@ fn with_page(summary: &Summary, batch: &Batch) -> String {
 /// scene is segmented; the scene's own process reports it.
 pub fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
     let query = &options.query;
-    let destination = client::destination(query)?.filter(|_| query.answers != AnswerSource::Replay);
+    let destination = client::destination(query)?.filter(|_| query.answers.may_ask());
     let Some(destination) = destination.filter(|_| options.setup.network().is_ok()) else { return Ok(()) };
     let budget = match query.max_usd {
         Some(max_usd) => format!("at most {max_usd} USD, as set by --max-usd"),
@@ -79,7 +79,7 @@ pub fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
     let scenes = format!("{}{}", agreeing(scenes, "", "up to "), counted(scenes, "scene"));
     let which = match query.answers {
         AnswerSource::Live => format!("the pictures of {scenes}, even if their answers are recorded"),
-        AnswerSource::Record | AnswerSource::Replay => {
+        AnswerSource::Record | AnswerSource::Replay | AnswerSource::Partial => {
             format!("those pictures of {scenes} that have no recorded answer")
         }
     };

@@ -35,7 +35,7 @@ const FOR_EXPERTS: &[&str] =
 fn own_headings(command: &str) -> &'static [&'static str] {
     match command {
         "segment" => &["Segmentation", SETUP],
-        "query" => &["Parts", "Questions", "Materials"],
+        "query" | "answer" => &["Parts", "Questions", "Materials"],
         "vote" => &["Vote"],
         "parts" => &["Parts and mass"],
         "simulate" => &["Simulation"],
@@ -75,7 +75,7 @@ fn common_options(command: &str) -> Vec<&'static str> {
     match command {
         "run" | "report" => [OF_THE_SCENE, OF_SIZE, OF_A_RUN, OF_ONE_SCENE].concat(),
         "batch" => [OF_THE_SCENE, OF_SIZE, OF_A_RUN].concat(),
-        "segment" | "query" | "vote" => OF_THE_SCENE.to_vec(),
+        "segment" | "query" | "answer" | "vote" => OF_THE_SCENE.to_vec(),
         "show" => [OF_THE_SCENE, OF_A_FILM].concat(),
         _ => [OF_THE_SCENE, OF_SIZE].concat(),
     }

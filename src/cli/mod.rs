@@ -1,6 +1,7 @@
 //! Subcommands and flags: turns command-line arguments into a call of the pipeline or a stage, and prints the result on
 //! stdout.
 
+mod answer;
 mod arguments;
 mod batch;
 mod container;
@@ -38,7 +39,7 @@ use crate::words::output;
 use crate::words::progress::Progress;
 use crate::{audit, config, exit, inspect};
 use arguments::{
-    BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
+    AnswerArgs, BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
     Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
 };
 
@@ -89,6 +90,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Command::Segment(args) if is_picture(&args.scene) => picture::segment(global, args),
         Command::Segment(args) => scene::run(global, &args.scene, &args.work, Stage::Segment),
         Command::Query(args) => query::query(global, args),
+        Command::Answer(args) => answer::answer(global, args),
         Command::Vote(args) => scene::run(global, &args.scene, &args.work, Stage::Vote),
         Command::Show(args) => scene::show(global, args),
         Command::Parts(args) => scene::run(global, &args.scene, &args.work, Stage::Parts),

@@ -169,15 +169,17 @@ const MOST_PROBLEMS: usize = 20;
 
 fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) -> Result<()> {
     let imported = session.import(folder)?;
-    let Imported { recorded, unanswered, bad } = &imported;
+    let Imported { recorded, by_hand, unanswered, bad } = &imported;
     print(global, &imported, || {
         let next = match (*recorded, *unanswered) {
             (0, _) => String::new(),
             (_, 0) => format!("; continue with `{next}` and the same options"),
-            _ => format!(
+            // A model that is asked answers again what another model answered, but not what a person did.
+            _ if by_hand == recorded => format!(
                 "; answer the rest and import again, then continue with `{next}` and the same options; or let a model answer \
                  the rest: `{next} --lmm-url URL --lmm-model NAME`"
             ),
+            _ => format!("; answer the rest and import again, then continue with `{next}` and the same options"),
         };
         format!("{} recorded, {} not answered{next}", counted(*recorded, "answer"), counted(*unanswered, "question"))
     })?;

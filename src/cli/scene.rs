@@ -13,7 +13,7 @@ use crate::export::Format;
 use crate::files::write;
 use crate::film;
 use crate::pipeline::export::ExportOptions;
-use crate::pipeline::{CommandLine, Options, Pipeline, Plan, Stage, export, is_untouched, show, stages};
+use crate::pipeline::{Builder, CommandLine, Options, Pipeline, Plan, Stage, export, is_untouched, show, stages};
 use crate::query::Preview;
 use crate::report;
 use crate::workdir::Artifact;
@@ -176,6 +176,11 @@ pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulate
     open_with(global, folder, work.out.as_deref(), &work.options, plan(work, to)?, simulates)
 }
 
+/// Opens a scene later, to do the stages up to one.
+pub fn builder(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> Result<Builder> {
+    Ok(builder_with(global, folder, work.out.as_deref(), &work.options, plan(work, to)?))
+}
+
 fn open_with(
     global: &Global,
     folder: &Path,
@@ -184,8 +189,12 @@ fn open_with(
     plan: Plan,
     simulates: bool,
 ) -> Result<Pipeline> {
+    let builder = builder_with(global, folder, out, options, plan);
+    if simulates { builder.open() } else { builder.without_simulation().open() }
+}
+
+fn builder_with(global: &Global, folder: &Path, out: Option<&Path>, options: &Options, plan: Plan) -> Builder {
     let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
-    let builder = if simulates { builder } else { builder.without_simulation() };
     let builder = match out {
         Some(out) => builder.out(out),
         None => builder,
@@ -194,7 +203,7 @@ fn open_with(
     let effective = global.flags.effective.iter().map(|flag| flag.to_string_lossy().into_owned());
     let effective = effective.filter(|flag| !flag.starts_with("--lmm-url=")).collect();
     let command_line = CommandLine { effective, typed: global.flags.recorded.clone(), once: global.flags.once };
-    builder.command_line(command_line).open()
+    builder.command_line(command_line)
 }
 
 fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {

@@ -160,6 +160,12 @@ impl Pipeline {
         metric(self.open.get::<Grasped>().map(|grasped| grasped.0.clone()))
     }
 
+    /// The parts as they are with the answers that are recorded by now.
+    pub(crate) fn weigh_anew(&mut self) -> Result<Arc<Parts>, Error> {
+        [Stage::Query, Stage::Vote, Stage::Parts].into_iter().for_each(|stage| self.run.reconsider(stage));
+        self.parts()
+    }
+
     /// Does the stages that `to` needs and that this pipeline has not done yet. The plan of [`run`](Self::run) stays.
     fn up_to(&mut self, to: Stage) -> Result<(), Error> {
         let last = std::mem::replace(&mut self.run.plan.to, to);

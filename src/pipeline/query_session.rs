@@ -2,7 +2,7 @@
 //! imports answers and prunes recordings. Sending them through the Batch API is in `batch_api.rs`.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use serde::Serialize;
@@ -19,10 +19,10 @@ use crate::query::ask::follow_up::{self, FollowUp};
 use crate::query::ask::rounds::{Outcomes, Subject, SubjectInView};
 use crate::query::ask::{direct, recognition, size};
 use crate::query::client::{self, ApiKey, Client, ClientError};
-use crate::query::exchange::{self, Imported};
+use crate::query::exchange::{self, Form, Imported};
 use crate::query::recorded::{Answerer, Recordings};
 use crate::query::{
-    Alternative, Answer, AnswerSource, Answers, AnyWholeQuestion, DirectGuess, ObjectAnswers, Options, Outcome,
+    Alternative, Answer, Answers, AnyWholeQuestion, DirectGuess, ObjectAnswers, Options, Outcome,
     PartQuestion, Piece, Preview, Prompts, Purpose, Queries, QueryError, Recognition, Region, ShownSubject, Side, Size,
     SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion,
 };
@@ -113,6 +113,18 @@ pub struct Answered<T> {
     pub size: Option<T>,
     /// What the object is, if that was to be asked.
     pub recognition: Option<WholeAnswer<ObjectAnswers>>,
+}
+
+/// The questions for a person.
+pub struct ForPerson<'a> {
+    /// Those whose answers are recorded and those that are then due.
+    pub queries: Queries<'a>,
+    /// Number of those without a recorded answer.
+    pub open: usize,
+    /// The form's questions that have a recorded answer, by name.
+    pub recorded: Vec<String>,
+    /// The ids of the subjects that are due and have no answer in any view.
+    pub without_answer: BTreeSet<u16>,
 }
 
 /// A view of a session.
@@ -328,7 +340,7 @@ impl<'a> QuerySession<'a> {
         let places = due.places();
         let round = self.prepare(&places)?;
         begin(&round)?;
-        let outcomes: Vec<Option<Outcome>> = match asker.filter(|_| self.options.answers != AnswerSource::Replay) {
+        let outcomes: Vec<Option<Outcome>> = match asker.filter(|_| self.options.answers.may_ask()) {
             Some(_) => {
                 let run = round.run(&self.recordings, asker, budget, self.progress)?;
                 run.answers.all.into_iter().map(|answer| Some(answer.outcome)).collect()
@@ -463,13 +475,46 @@ impl<'a> QuerySession<'a> {
     pub fn export(&self, folder: &Path) -> Result<usize> {
         // Whoever will answer, it is not the server.
         let queries = self.queries_for(None)?;
-        // The number of a segment identifies it only within its view; the number of a part is the same in all views.
-        let part_of = |shown: &ShownSubject| {
-            let is_its = |one: &SubjectInView| self.views[one.view].name == shown.view && one.id == shown.id;
-            let subject = self.subjects.iter().position(|subject| subject.all().iter().any(is_its));
-            (subject.unwrap_or(self.subjects.len()), shown.id)
-        };
-        Ok(exchange::export(folder, &queries.unanswered(&self.recordings, None), &self.library, &part_of)?)
+        let open = queries.unanswered(&self.recordings, None);
+        Ok(exchange::export(folder, &open, &self.library, &|shown| self.part_of(shown))?)
+    }
+
+    /// The same for two questions about the same part. The number of a segment identifies it only within its view; the
+    /// number of a part is the same in all views.
+    fn part_of(&self, shown: &ShownSubject) -> (usize, u16) {
+        let is_its = |one: &SubjectInView| self.views[one.view].name == shown.view && one.id == shown.id;
+        let subject = self.subjects.iter().position(|subject| subject.all().iter().any(is_its));
+        (subject.unwrap_or(self.subjects.len()), shown.id)
+    }
+
+    /// The questions for a person, with those that have no recorded answer added to the form.
+    pub fn for_person(&self, form: &mut Form) -> Result<ForPerson<'_>> {
+        let queries = self.queries_for(None)?;
+        let open = queries.unanswered(&self.recordings, None);
+        form.add(&open, &|shown| self.part_of(shown));
+        let names: BTreeSet<String> =
+            open.iter().map(|(shown, question)| shown.asked(question).content_sha256().short().to_owned()).collect();
+        let recorded = form.questions().iter().map(|question| &question.query);
+        let recorded = recorded.filter(|query| !names.contains(*query)).cloned().collect();
+        let is_open = |shown: &ShownSubject| open.iter().any(|(of, _)| of.view == shown.view && of.id == shown.id);
+        let (unanswered, answered): (Vec<_>, Vec<_>) = queries.subjects.iter().partition(|shown| is_open(shown));
+        let ids = |shown: Vec<&ShownSubject>| shown.iter().map(|shown| shown.id).collect::<BTreeSet<u16>>();
+        let without_answer = &ids(unanswered) - &ids(answered);
+        let open = open.len();
+        Ok(ForPerson { queries, open, recorded, without_answer })
+    }
+
+    /// Checks a person's answer to a question of the form, and records it.
+    ///
+    /// # Returns
+    /// The problem with the answer, if it cannot be recorded.
+    pub fn record(&self, line: &[u8], form: &Form, queries: &Queries) -> Result<Result<(), String>> {
+        Ok(exchange::record(line, form, queries, &self.recordings)?)
+    }
+
+    /// The materials that an answer may name.
+    pub fn library(&self) -> &MaterialLibrary {
+        &self.library
     }
 
     /// Checks the answers in a folder that [`Self::export`] wrote, and records the valid ones.

@@ -206,6 +206,8 @@ pub enum Failure {
     UnknownMaterial { material: String },
     /// The server could not be reached or kept failing.
     Endpoint { message: String },
+    /// Nobody has answered yet.
+    Unanswered,
 }
 
 impl std::fmt::Display for Failure {
@@ -215,6 +217,7 @@ impl std::fmt::Display for Failure {
             Self::Invalid { message } => write!(f, "no usable answer: {message}"),
             Self::UnknownMaterial { material } => write!(f, "the library has no material {material:?}"),
             Self::Endpoint { message } => write!(f, "the server failed: {message}"),
+            Self::Unanswered => f.write_str("not answered yet"),
         }
     }
 }

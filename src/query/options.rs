@@ -60,11 +60,20 @@ pub const SCENE_KEYS: &[SceneKey] = &[
 pub enum AnswerSource {
     /// From recordings only; a missing answer is an error.
     Replay,
+    /// From recordings only; a part without an answer counts like those beside it, and the report says which do.
+    Partial,
     /// From recordings; missing answers are requested and recorded.
     #[default]
     Record,
     /// Always requested, even if recorded; the new answers are recorded.
     Live,
+}
+
+impl AnswerSource {
+    /// Whether a server may be asked.
+    pub fn may_ask(self) -> bool {
+        matches!(self, Self::Record | Self::Live)
+    }
 }
 
 /// How a part or segment is asked about.

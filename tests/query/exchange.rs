@@ -223,12 +223,15 @@ fn a_common_problem_is_told_once_and_the_next_step_is_named() {
 
     let manifest = fs::read_to_string(out.join("manifest.json")).unwrap();
     fs::write(out.join("manifest.json"), manifest.replace("\"model\":null", "\"model\":\"a person\"")).unwrap();
-    let first = json!({ "query": names[0], "answer": good_answer(a("wood")) });
-    fs::write(out.join("answers.jsonl"), first.to_string()).unwrap();
-    let (code, said, problem) = query(&["--import"], &out);
-    assert_eq!(code, Some(0), "{problem}");
-    let next = format!("1 answer recorded, {} questions not answered; answer the rest and import again", count - 1);
-    assert!(said.starts_with(&next) && said.contains("--lmm-url"), "{said}");
+    for by_hand in [false, true] {
+        let first = json!({ "query": names[0], "answer": good_answer(a("wood")), "by_hand": by_hand });
+        fs::write(out.join("answers.jsonl"), first.to_string()).unwrap();
+        let (code, said, problem) = query(&["--import"], &out);
+        assert_eq!(code, Some(0), "{problem}");
+        let next = format!("1 answer recorded, {} questions not answered; answer the rest and import again", count - 1);
+        // Another model would be asked that question again.
+        assert!(said.starts_with(&next) && said.contains("--lmm-url") == by_hand, "{said}");
+    }
     answer_all(a("wood"));
     let (code, said, problem) = query(&["--import"], &out);
     assert_eq!(code, Some(0), "{problem}");

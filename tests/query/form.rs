@@ -25,7 +25,7 @@ const LOOK_S: f64 = 4.0;
 
 /// What was needed to answer one question.
 #[derive(Debug, Clone, Copy, Default)]
-struct Effort {
+pub(super) struct Effort {
     keys: usize,
     fields: usize,
 }
@@ -92,7 +92,7 @@ impl Page {
     }
 
     /// Answers the question on the page, field by field as the focus goes on; `words` finds the material.
-    fn answer(&self, words: &str, caption: &str) -> Effort {
+    pub(super) fn answer(&self, words: &str, caption: &str) -> Effort {
         let mut effort = Effort::default();
         loop {
             effort.fields += 1;
@@ -215,6 +215,80 @@ fn the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed() {
     page.reload();
     page.wait_for("#fields input");
     assert_eq!(page.text("#state"), "1 of 2 answered", "what was typed is kept in the browser");
+}
+
+#[test]
+fn materials_are_found_by_their_names_and_only_they_are_taken() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("out");
+    let (prompts, options) = (Prompts::builtin(), small());
+    let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
+    export(&out, &queries, &recordings(&home.path().join("recorded")));
+    let url = format!("file://{}", out.join("form.html").display());
+    let test = "materials_are_found_by_their_names_and_only_they_are_taken";
+    let Some(page) = Page::open(test, &url, "#fields input") else { return };
+    let is_listed = "document.querySelector('.combo ul').checkVisibility()";
+    assert_eq!((page.focused().as_str(), page.evaluate(is_listed)), ("combo", false.into()), "an empty field, no list");
+    let found = |words: &str| -> Vec<String> {
+        let names = format!("matching(queries[0], {words:?}).map((found) => found.material).join('|')");
+        page.evaluate(&names).as_str().unwrap().split('|').map(str::to_owned).collect()
+    };
+    let place = |words: &str, material: &str| found(words).iter().position(|name| name.starts_with(material)).unwrap();
+    assert!(place("pot", "earthenware") < place("pot", "potato") && place("pot", "terracotta") < place("pot", "potato"));
+    assert!(found("compost").iter().any(|name| name.starts_with("soil")));
+    assert_eq!((found("steel")[0].as_str(), found("soil")[0].as_str()), ("steel, mild", "soil, topsoil"));
+    assert!(found("ash").iter().all(|name| name.starts_with("ash")), "{:?}", found("ash"));
+    assert!(found("wood oak").iter().all(|name| name.contains("oak")), "the family and the name");
+
+    page.type_keys("unobtainium");
+    page.enter();
+    for (field, text) in [("caption", "a part"), ("confidence", "90")] {
+        page.fill_in(field, 0, text);
+    }
+    for field in ["several_materials", "form"] {
+        page.choose(field, 0);
+    }
+    assert_eq!(page.problem("confidence"), "Only 0 to 1 is possible.", "never clamped");
+    page.fill_in("confidence", 0, "0.9");
+    assert_eq!(page.text("#state"), "0 of 2 answered", "there is no such material");
+    page.fill_in("material", 0, "oak");
+    page.enter();
+    assert_eq!(page.text("#state"), "1 of 2 answered");
+    for name in ["form", "several_materials", "confidence"] {
+        let tooltip = format!("document.querySelector('[data-name={name}] > [title]').title.length");
+        assert!(page.evaluate(&tooltip).as_u64().unwrap() > 20, "{name} says what it means");
+    }
+    let options = "[...document.querySelectorAll('[data-name=form] label')].every((label) => label.title.length > 20)";
+    assert_eq!(page.evaluate(options), true);
+}
+
+#[test]
+fn an_answer_is_given_to_several_parts_at_once_and_offered_to_others() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("out");
+    let (prompts, options) = (Prompts::builtin(), small());
+    let views = [two_segments("000", 80, 80), two_segments("001", 90, 80)];
+    let queries = prepare(&views, &prompts, &options);
+    export(&out, &queries, &recordings(&home.path().join("recorded")));
+    let url = format!("file://{}", out.join("form.html").display());
+    let test = "an_answer_is_given_to_several_parts_at_once_and_offered_to_others";
+    let Some(page) = Page::open(test, &url, "#fields input") else { return };
+    page.evaluate("document.getElementById('others').open = true");
+    let others = page.evaluate("document.querySelectorAll('#others button').length");
+    assert_eq!(others, 3);
+    // The questions are in the order of the parts: the second is about the same part, the third and fourth about another.
+    page.click("#others button:nth-child(2)");
+    page.answer(&a("wood").chars().take(6).collect::<String>(), "a leaf");
+    assert_eq!(page.text("#state"), "2 of 4 answered");
+    assert!(page.text("#offer").starts_with("The same part as in question 1: a leaf"), "{}", page.text("#offer"));
+    page.answer("", "");
+    assert_eq!((page.text("#state"), page.text("#place")), ("3 of 4 answered".to_owned(), "4 / 4".to_owned()));
+    let saved: Vec<Value> = page.saved().lines().map(|line| serde_json::from_str(line).unwrap()).collect();
+    assert_eq!((&saved[0]["answer"], &saved[3]["answer"]), (&saved[2]["answer"], &Value::Null));
+    page.evaluate("answers[queries[3].query] = {}; queries[3].part = 'another'; show()");
+    assert!(page.text("#offer").starts_with("The same as: a leaf"), "{}", page.text("#offer"));
+    page.click("#offer button");
+    assert_eq!(page.text("#state"), "4 of 4 answered");
 }
 
 /// The question about the whole object that one view shows, exported, and its page.

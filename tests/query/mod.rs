@@ -1,5 +1,7 @@
 //! Sheets, prompts, answers, recordings, servers.
 
+// Answering by hand on a page that gprop serves, and beside a model.
+mod answering;
 // Reading a model's text.
 mod answers;
 // OpenAI's Batch API: submitted, expired, collected.

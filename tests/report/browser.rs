@@ -1,5 +1,6 @@
 //! The page in headless Chromium, from disk.
 
+use gprop::pipeline::Options;
 use gprop::scene::splat::ply;
 use serde_json::Value;
 
@@ -261,4 +262,43 @@ fn photo_and_splat_lie_over_each_other_and_tables_can_be_saved() {
     let wanted: Vec<Option<f64>> =
         report["parts"]["parts"].as_array().unwrap().iter().map(|part| part["mass_kg"]["mid"].as_f64()).collect();
     assert_eq!(masses, wanted);
+}
+
+/// What is typed into the rows is the text that a scene's `gprop.toml` takes, whatever captions a model gave.
+#[test]
+fn corrections_are_written_for_the_scene() {
+    let scene = small_run();
+    let url = format!("file://{}", scene.join("gprop/report.html").display());
+    let Some(page) = Page::open("corrections_are_written_for_the_scene", &url, "#correct") else { return };
+    let report = json_file(scene.join("gprop/report.json"));
+    let id = report["labels"][1]["id"].as_u64().unwrap();
+    assert_eq!(page.evaluate("document.getElementById('correct').open"), false);
+    page.evaluate(&format!("document.querySelector('a[data-part=\"{id}\"]').click()"));
+    let focused = "document.activeElement.closest('tr').dataset.part + document.activeElement.name";
+    assert_eq!(page.evaluate(focused), format!("{id}material"));
+    let fill_in = |name: &str, text: &str| {
+        page.evaluate(&format!(
+            "{{ const input = document.querySelector('#correct tr[data-part=\"{id}\"] input[name={name}]');
+               input.value = {text:?};
+               input.dispatchEvent(new Event('input', {{ bubbles: true }})); }}"
+        ));
+    };
+    let is_unknown = format!("document.querySelector('tr[data-part=\"{id}\"] td small').checkVisibility()");
+    fill_in("material", "unobtainium");
+    assert_eq!(page.evaluate(&is_unknown), true);
+    fill_in("material", "ash, white");
+    assert_eq!(page.evaluate(&is_unknown), false);
+    fill_in("wall", "2-4");
+    fill_in("density", "600-700 kg/m3");
+    let text = page.text("#corrections");
+    let home = tempfile::tempdir().unwrap();
+    std::fs::write(home.path().join("gprop.toml"), &text).unwrap();
+    let options = Options::of_scene(home.path()).unwrap_or_else(|error| panic!("{error}: {text}"));
+    let mut corrections: Vec<String> = options.vote.correct.iter().map(ToString::to_string).collect();
+    corrections.sort();
+    let expected = ["density=600-700 kg/m3", "material=ash, white", "wall=2-4mm"];
+    assert_eq!(corrections, expected.map(|setting| format!("{id}.{setting}")));
+    let file = page.evaluate("decodeURIComponent(document.getElementById('corrections-file').href)");
+    assert!(file.as_str().unwrap().ends_with(&text), "{file}");
+    assert_eq!(page.complaints(), Vec::<String>::new());
 }

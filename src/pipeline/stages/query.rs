@@ -1,6 +1,6 @@
 //! Queries on disk: one sheet per question, recordings as they arrive, `answers.jsonl` when all are complete.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -12,7 +12,7 @@ use crate::error::Result;
 use crate::gaussians::bounds::least_box;
 use crate::query::ask::hints;
 use crate::query::{
-    AnswerSource, Answers, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion, Preview, Purpose,
+    AnswerSource, Answers, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion, Preview, Purpose,
     Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
 };
 use crate::scene::{ScaleChoice, Scene, View};
@@ -294,7 +294,7 @@ fn asks_anew(open: &OpenScene) -> bool {
             || open.get::<Recognized>().is_ok_and(|known| known.0.as_ref().is_some_and(ObjectAnswers::lacks_answers))
     };
     match options.answers {
-        AnswerSource::Replay => false,
+        AnswerSource::Replay | AnswerSource::Partial => false,
         AnswerSource::Record => options.lmm_url.is_some() && failed(),
         AnswerSource::Live => true,
     }
@@ -353,12 +353,33 @@ fn failures(answers: &Answers) -> Vec<String> {
         SubjectId::Segment(_) => String::new(),
     };
     let failure = |answer: &SubjectAnswer| match &answer.outcome {
+        Outcome::Failed(Failure::Unanswered) => None,
         Outcome::Failed(failure) => {
             Some(format!("view {}, {}{}: {failure}", answer.view, answer.subject, name(answer.subject)))
         }
         Outcome::Answered(_) => None,
     };
-    answers.all.iter().filter_map(failure).collect()
+    answers.all.iter().filter_map(failure).chain(left_open(answers)).collect()
+}
+
+/// The subjects that have no answer yet.
+fn left_open(answers: &Answers) -> Option<String> {
+    // The number of a segment means something else in every view.
+    let is_of_view = |answer: &SubjectAnswer| matches!(answer.subject, SubjectId::Segment(_));
+    let subject = |answer: &'_ SubjectAnswer| (is_of_view(answer).then(|| answer.view.clone()), answer.subject);
+    let (open, others): (Vec<_>, Vec<_>) =
+        answers.all.iter().partition(|answer| answer.outcome == Outcome::Failed(Failure::Unanswered));
+    let others: BTreeSet<_> = others.into_iter().map(subject).collect();
+    let open: BTreeSet<_> = open.into_iter().map(subject).filter(|of| !others.contains(of)).collect();
+    let parts: Vec<String> =
+        open.iter().filter(|(view, _)| view.is_none()).map(|(_, part)| part.number().to_string()).collect();
+    let named = match parts.as_slice() {
+        [] => counted(open.len(), "segment"),
+        [part] => format!("part {part}"),
+        parts => format!("parts {}", parts.join(", ")),
+    };
+    let consequence = "until then, what has no answer counts like the parts beside it; `gprop answer SCENE` asks for the rest";
+    (!open.is_empty()).then(|| format!("not answered yet: {named}; {consequence}"))
 }
 
 /// Each correction or doubt once, with the number of answers that it applies to; and the number of answers that were

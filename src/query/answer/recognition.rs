@@ -40,8 +40,10 @@ pub fn limits() -> BTreeMap<&'static str, Range> {
     let printed = [("printed_mass_g", mass_g), ("printed_volume_ml", mass_g)];
     // Nothing may add next to nothing.
     let unnumbered = ("unnumbered.mass_g", Range::new(0.0, mass_g.high));
+    // A person is asked again instead of being put right.
+    let confidence = ("confidence", Range::new(0.0, 1.0));
     let quantities = [WALL_THICKNESS, FILL_SHARE, FILLING_DENSITY, BULK_DENSITY, DENSITY, MASS];
-    quantities.map(in_unit).into_iter().chain(printed).chain([unnumbered]).collect()
+    quantities.map(in_unit).into_iter().chain(printed).chain([unnumbered, confidence]).collect()
 }
 
 /// What a model says of the object as a whole.

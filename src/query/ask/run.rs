@@ -83,6 +83,12 @@ impl Sorted<'_> {
         let failed = |open: Open| Some((open.index, replay::unusable(open.problem?)));
         self.answered.extend(unusable.into_iter().filter_map(failed));
     }
+
+    /// Counts the subjects without a recorded answer as not answered yet.
+    fn leave_open(&mut self) {
+        let open = std::mem::take(&mut self.open);
+        self.answered.extend(open.into_iter().map(|open| (open.index, Outcome::Failed(Failure::Unanswered))));
+    }
 }
 
 impl Queries<'_> {
@@ -156,7 +162,7 @@ impl Queries<'_> {
         progress: Progress,
     ) -> Result<WholeAnswer<A>, QueryError> {
         let view = whole.shown.view.clone();
-        let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
+        let asker = asker.filter(|_| self.options.answers.may_ask());
         let outcome = match (self.recorded_whole(whole, recordings, asker.map(Asker::answerer)), asker) {
             (Ok(answer), _) => WholeOutcome::Answered(answer),
             (Err(miss), None) => return Err(QueryError::MissingWhole { purpose: whole.purpose, view, miss }),
@@ -221,10 +227,13 @@ impl Queries<'_> {
         budget: &Budget,
         progress: Progress,
     ) -> Result<Run, QueryError> {
-        let asker = asker.filter(|_| self.options.answers != AnswerSource::Replay);
+        let asker = asker.filter(|_| self.options.answers.may_ask());
         let mut sorted = self.sort(recordings, asker.map(Asker::answerer));
         if asker.is_none() {
             sorted.fail_unusable();
+        }
+        if self.options.answers == AnswerSource::Partial {
+            sorted.leave_open();
         }
         let bar = progress.bar("query", self.subjects.len() as u64);
         let mut outcomes: Vec<Option<SubjectAnswer>> = vec![None; self.subjects.len()];
@@ -266,7 +275,9 @@ impl Queries<'_> {
             AnswerSource::Live => {
                 Replayed::Missing { question: self.questions.first(), miss: Miss::Live, so_far: Match::Exact }
             }
-            AnswerSource::Replay | AnswerSource::Record => replay::replay(self, subject, recordings, who),
+            AnswerSource::Replay | AnswerSource::Partial | AnswerSource::Record => {
+                replay::replay(self, subject, recordings, who)
+            }
         };
         let replayed: Vec<Replayed> = self.subjects.par_iter().map(replay).collect();
         let mut sorted = Sorted { answered: Vec::new(), open: Vec::new() };

@@ -157,12 +157,14 @@ impl JobRequest {
 /// # Errors
 /// If they come from recordings only.
 pub fn check_may_send(answers: AnswerSource) -> Result<(), UsageError> {
-    match answers {
-        AnswerSource::Replay => {
-            Err(UsageError("--answers replay sends nothing; leave it out to submit questions to the Batch API".into()))
-        }
-        AnswerSource::Record | AnswerSource::Live => Ok(()),
-    }
+    let from_recordings = match answers {
+        AnswerSource::Replay => "replay",
+        AnswerSource::Partial => "partial",
+        AnswerSource::Record | AnswerSource::Live => return Ok(()),
+    };
+    Err(UsageError(format!(
+        "--answers {from_recordings} sends nothing; leave it out to submit questions to the Batch API"
+    )))
 }
 
 /// Sends the requests as they arrive, in jobs as large as the API allows; calls `accepted` for each job at once. Holds

@@ -3,7 +3,11 @@
 const at = (id) => document.getElementById(id);
 let place = 0;
 
-const isOpen = (query) => isIncomplete(entryOf(query));
+/* In a served page, what is recorded is answered, even if this browser does not have it, and what gprop refused is not. */
+const isRecorded = (query) => Boolean(served?.recorded.includes(query.query));
+const refused = new Set();
+const isLacking = (query) => !isRecorded(query) && isIncomplete(entryOf(query));
+const isOpen = (query) => refused.has(query.query) || isLacking(query);
 
 /* Keeps what was typed in the browser, and shows what follows from it. */
 function keep() {
@@ -32,35 +36,70 @@ function show() {
   at("place").textContent = `${place + 1} / ${queries.length}`;
   at("fields").replaceChildren(...rowsOf(entryOf(query)));
   offer(query);
+  showOthers(query);
   keep();
 }
 
-/* Offers the last answer about the same part, as long as this question has none. */
+const nameOf = (query) => [answerTo(query).caption, answerTo(query).material].filter(Boolean).join(": ");
+
+/* Offers the last answer about the same part, or else those about other parts, as long as this question has none. */
 function offer(query) {
-  const same = (other) => other !== query && other.part === query.part && other.text === query.text && !isOpen(other);
-  const last = Object.keys(answerTo(query)).length ? null : queries.filter(same).pop();
-  at("offer").hidden = !last;
-  if (!last) return;
-  const { material = "", caption = "" } = answerTo(last);
-  const use = make("button", { type: "button", id: "use" }, "Start from that answer");
-  use.addEventListener("click", () => { Object.assign(answerTo(query), answerTo(last)); show(); at("done").focus(); });
-  at("offer").replaceChildren(`The same part as in question ${queries.indexOf(last) + 1}: `, make("b", {}, [material, caption].filter(Boolean).join(", ")), ". ", use);
+  const given = Object.keys(answerTo(query)).length ? [] : queries.filter((other) => other !== query && other.text === query.text && !isIncomplete(entryOf(other)));
+  const last = given.findLast((other) => other.part === query.part);
+  const take = (from, properties, text) => {
+    const button = make("button", { type: "button", ...properties }, text);
+    button.addEventListener("click", () => { Object.assign(answerTo(query), structuredClone(answerTo(from))); show(); at("done").focus(); });
+    return button;
+  };
+  at("offer").hidden = !given.length;
+  if (last) {
+    at("offer").replaceChildren(`The same part as in question ${queries.indexOf(last) + 1}: `, make("b", {}, nameOf(last)), ". ", take(last, { id: "use" }, "Start from that answer"));
+    return;
+  }
+  const distinct = [...new Map(given.map((other) => [nameOf(other), other])).values()].slice(-MOST_OFFERS);
+  at("offer").replaceChildren("The same as: ", ...distinct.flatMap((other) => [take(other, {}, nameOf(other)), " "]));
+}
+const MOST_OFFERS = 8;
+
+/* The pictures of open questions to which the answer that is being given holds as well: a click marks one. */
+function showOthers(query) {
+  const others = queries.filter((other) => other !== query && other.text === query.text && isOpen(other));
+  const button = (other) => {
+    const one = make("button", { type: "button", ariaPressed: "false" }, make("img", { src: other.sheet, loading: "lazy", alt: `the picture of question ${queries.indexOf(other) + 1}` }));
+    one.query = other;
+    one.addEventListener("click", () => { one.ariaPressed = String(one.ariaPressed !== "true"); });
+    return one;
+  };
+  at("others").hidden = !others.length;
+  at("others").open = false;
+  at("others").firstElementChild.textContent = "The same answer for other pictures";
+  at("others").lastElementChild.replaceChildren(...others.slice(0, MOST_OTHERS).map(button));
+}
+const MOST_OTHERS = 60;
+
+/* Gives the answer to the marked pictures too. */
+function share(query) {
+  for (const { query: other } of at("others").querySelectorAll("[aria-pressed=true]")) {
+    answers[other.query] = structuredClone(answerTo(query));
+    leave(other);
+  }
 }
 
 function start() {
   show();
   scrollTo(0, 0);
-  focusOn(at("offer").hidden ? stops()[0] : at("use"));
+  focusOn(at("offer").hidden ? stops()[0] : at("use") || stops()[0]);
 }
 
 function go(step) {
+  if (!leave(queries[place])) return;
   place = Math.min(Math.max(place + step, 0), queries.length - 1);
   start();
 }
 
 /* The next question, if this one is complete; otherwise what it lacks. After the last, the first that is open. */
 function next() {
-  if (isOpen(queries[place])) {
+  if (isLacking(queries[place])) {
     const rows = [...document.querySelectorAll("#fields .field")];
     for (const row of rows) row.classList.toggle("lacking", row.lacks());
     const row = rows.find((row) => row.lacks());
@@ -68,29 +107,96 @@ function next() {
     focusOn(row?.querySelector(".options") || row?.querySelector("input, button"));
     return;
   }
+  if (!leave(queries[place])) return;
+  share(queries[place]);
+  keep();
   const left = queries.findIndex(isOpen);
-  if (left < 0) return (at("name").value ? at("save") : at("name")).focus();
-  place = place + 1 < queries.length ? place + 1 : left;
+  if (left < 0 && served) return;
+  if (left < 0) { (at("name").value ? at("save") : at("name")).focus(); return; }
+  const after = queries.findIndex((query, number) => number > place && isOpen(query));
+  place = after < 0 ? left : after;
   start();
 }
 
 // --- What is saved.
 
-function lines() {
+function lineWith(query) {
   const model = at("name").value.trim() || undefined;
-  return queries.map((query) => JSON.stringify({ query: query.query, answer: isOpen(query) ? null : complete(entryOf(query)), model }) + "\n");
+  return JSON.stringify({ query: query.query, answer: isIncomplete(entryOf(query)) ? null : complete(entryOf(query)), model, by_hand: true });
+}
+
+const lines = () => queries.map((query) => lineWith(query) + "\n");
+
+function hasName() {
+  if (at("name").value.trim()) return true;
+  at("state").textContent = "Please type your name first: it is kept with the answers.";
+  at("name").focus();
+  return false;
 }
 
 function save() {
-  if (!at("name").value.trim()) {
-    at("state").textContent = "Please type your name first: it is kept with the answers.";
-    at("name").focus();
-    return;
-  }
+  if (!hasName()) return;
   const link = make("a", { href: URL.createObjectURL(new Blob(lines(), { type: "application/jsonl" })), download: "answers.jsonl" });
   link.click();
   URL.revokeObjectURL(link.href);
 }
+
+// --- What a served page sends and learns.
+
+/* The lines that were sent, by question. */
+const sent = new Map();
+
+/* Whether another question may be shown: an answer that is complete is recorded first, for which it needs a name. */
+function leave(query) {
+  if (!served || isIncomplete(entryOf(query))) return true;
+  if (!hasName()) return false;
+  record(query);
+  return true;
+}
+
+/* Sends an answer unless it was sent, and goes on with the questions that follow from it. */
+async function record(query) {
+  const line = lineWith(query);
+  if (sent.get(query.query) === line) return;
+  sent.set(query.query, line);
+  refused.delete(query.query);
+  if (!isRecorded(query)) served.recorded.push(query.query);
+  tell(["Recording the answer and weighing the object ..."]);
+  try {
+    const reply = await fetch("answers", { method: "POST", headers: { "Content-Type": "application/json" }, body: line });
+    if (!reply.ok) throw new Error(`gprop replied ${reply.status}`);
+    learn(query, await reply.json());
+  } catch (error) {
+    reopen(query);
+    tell([`The answer to question ${queries.indexOf(query) + 1} is not recorded (${error.message}). Is gprop still running? What you typed is kept in this browser.`]);
+  }
+}
+
+function reopen(query) {
+  sent.delete(query.query);
+  refused.add(query.query);
+  served.recorded = without(served.recorded, query.query);
+  keep();
+}
+
+function learn(query, reply) {
+  const wasDone = !queries.some(isOpen);
+  for (const text of reply.texts.slice(texts.length)) { texts.push(text); choices.push(choicesOf(text)); }
+  for (const one of reply.queries) if (!queries.some((known) => known.query === one.query)) queries.push(one);
+  const onTheWay = served.recorded.filter((name) => sent.has(name));
+  served = { ...reply.served, recorded: [...new Set([...reply.served.recorded, ...onTheWay])] };
+  tell(served.standing);
+  if (reply.problem) {
+    reopen(query);
+    tell([`The answer to question ${queries.indexOf(query) + 1} cannot be used: ${reply.problem}`, ...served.standing]);
+  }
+  for (const part of document.querySelectorAll("main, details, body > .soft, .go")) part.hidden = served.done;
+  at("place").textContent = `${place + 1} / ${queries.length}`;
+  keep();
+  if (wasDone && !served.done) { place = queries.findIndex(isOpen); start(); }
+}
+
+const tell = (sentences) => at("standing").replaceChildren(...sentences.map((text) => make("p", {}, text)));
 
 at("back").addEventListener("click", () => go(-1));
 at("next").addEventListener("click", () => go(1));
@@ -105,6 +211,7 @@ document.addEventListener("keydown", (event) => {
   const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
   if (event.altKey && step) { event.preventDefault(); go(step); }
 });
-at("name").value = localStorage.getItem("gprop name") || "";
+at("name").value = localStorage.getItem("gprop name") || served?.name || "";
+if (served) tell(served.standing);
 at("name").addEventListener("input", () => localStorage.setItem("gprop name", at("name").value));
 if (queries.length) start(); else at("place").textContent = "no questions are left";

@@ -1,6 +1,6 @@
 // Answers: what was typed, which of the schema's fields belong to an answer, what it lacks, and what is saved.
 "use strict";
-const store = "gprop answers " + queries.map((query) => query.query).join("").slice(0, 200);
+const store = "gprop answers " + (served ? "" : queries.map((query) => query.query).join("").slice(0, 200));
 const answers = JSON.parse(localStorage.getItem(store) || "{}");
 
 const answerTo = (query) => (answers[query.query] ??= {});

@@ -10,7 +10,29 @@ const UNITS = { kg_m3: "kg/m³", mpa: "MPa", mm: "mm", ml: "ml", g: "g" };
 const WORDS = {
   probability: "probability, %", printed: "printed on it about its contents", numbers: "regions, by their numbers", under: "only if it is",
   hypotheses: "what it may be", choices: "made of", unnumbered: "what has no number",
+  confidence: "confidence in the material, 0 to 1", fill_share: "share of the hollow, 0 to 1",
 };
+/* What fields ask, and what options mean. */
+const HELP = {
+  several_materials: "Yes if you see more than one material in the marked part; then answer for the one that covers most of it. A print or a coat of paint is none.",
+  form: "Whether the part is one material through and through.",
+  wall_thickness_mm: "How thick the wall is. One number if you know it, two if it lies between them.",
+  inside: "What is behind the wall. A sealed package is filled; an open cup is empty unless its contents show.",
+  filling: "What fills the hollow: choose a name from the list.",
+  fill_share: "How much of the hollow is filled, with the gaps between the pieces: 0.95 for a full bottle.",
+  bulk_density_kg_m3: "Its mass divided by the volume within its outer surface, with all gaps.",
+  confidence: "How sure you are of the material: 1 if you know it, 0.5 if it may as well be another.",
+  numbers: "The numbers in the picture that belong to this piece.",
+  probability: "How probable this is. What you leave open is what is left to 100.",
+  printed: "What is written on it, such as NET WT 305 g. Nothing if nothing is.",
+  mass_g: "The mass of the whole object if this is what it is. One number if you know it.",
+  solid: "One material through and through: a hammer's head, a wooden spoon.",
+  shell: "A wall with a hollow or something else behind it: a cup, a can, a lid, a cover.",
+  mixed: "Neither, so that only its density as a whole can be judged: a book, a motor in its housing, a bundle of cables.",
+  empty: "Air.",
+  filled: "Something, even if no photo shows it.",
+};
+const help = (name) => HELP[name] || "";
 /* The buttons of lists. */
 const ADD = { hypotheses: "It may also be ...", pieces: "Another piece", choices: "Or else ...", unnumbered: "Something without a number" };
 const REMOVE = { hypotheses: "It is not this", pieces: "Remove this piece", choices: "Not this", unnumbered: "Remove" };
@@ -42,7 +64,7 @@ function optionsControl(name, property, change) {
   const inputs = all.map((option, number) => {
     const input = make("input", { type: "radio", name });
     input.addEventListener("change", () => change(option));
-    group.append(make("label", {}, input, `${number + 1} ${wordFor(option)}`));
+    group.append(make("label", { title: help(option) }, input, `${number + 1} ${wordFor(option)}`));
     return input;
   });
   group.addEventListener("keydown", (event) => {
@@ -104,23 +126,52 @@ function hypothesesControl({ answer, record }, change) {
 const known = new Map(materials.map((material) => [material.fields.material, material]));
 const choice = (family, material) => {
   const { aliases = [], fields = { family, material } } = known.get(material) || {};
-  return { family, material, fields, found: [material, family, ...aliases].join(" ").toLowerCase() };
+  return { family, material, fields, names: [material, ...aliases], found: [material, family, ...aliases].join(" ").toLowerCase() };
 };
-const choices = texts.map(({ prompt, schema }) => {
+const choicesOf = ({ prompt, schema }) => {
   if (!schema.properties.family) return materials.map(({ fields }) => choice(fields.family, fields.material));
   return (schema.properties.family.enum || []).flatMap((family) => {
     const line = prompt.split("\n").find((line) => line.startsWith(family + ": ")) || "";
     return line.slice(family.length + 2).split("; ").filter(Boolean).map((material) => choice(family, material));
   });
-});
+};
+const choices = texts.map(choicesOf);
 
-/* The materials that have all of the words in their name, family or other names; names that begin with them first. */
+const wordsIn = (text) => text.toLowerCase().split(/[^\p{L}\p{N}]+/u).filter(Boolean);
+
+/* How well a material fits a word: it is in the name, in another name or the family, one of these begins with it, or it is part of
+   a longer word. */
+function rank({ material, found }, word) {
+  if (wordsIn(material).includes(word)) return 0;
+  if (wordsIn(found).includes(word)) return 1;
+  return wordsIn(found).some((other) => other.startsWith(word)) ? 2 : 3;
+}
+
+/* 2 if the text is a name of the material, 1 if it is the noun of one, such as "steel, mild" or "clay pot". */
+function isNamed({ material, names }, text) {
+  const typed = text.trim().toLowerCase(), is = (name) => name.toLowerCase() === typed;
+  if (names.some(is)) return 2;
+  return is(material.split(",")[0]) || names.some((name) => name.toLowerCase().endsWith(" " + typed)) ? 1 : 0;
+}
+
+/* The materials that have all of the words in their name, family or other names, the best first: those that are called just so,
+   then by their ranks. Parts of longer words count only if there is nothing better. */
 function matching(query, text) {
-  const words = text.toLowerCase().split(/\s+/).filter(Boolean);
-  const rank = ({ material, found }) =>
-    material.toLowerCase().startsWith(words[0]) ? 0 : found.split(" ").some((word) => word.startsWith(words[0])) ? 1 : 2;
-  const found = choices[query.text].filter((choice) => words.every((word) => choice.found.includes(word)));
-  return words.length ? found.sort((a, b) => rank(a) - rank(b) || a.material.length - b.material.length) : found;
+  const words = wordsIn(text);
+  const all = choices[query.text].filter((choice) => words.every((word) => choice.found.includes(word)));
+  if (!words.length) return all;
+  const ranked = all.map((choice) => ({ choice, ranks: words.map((word) => rank(choice, word)) }));
+  const whole = ranked.filter(({ ranks }) => Math.max(...ranks) < 3);
+  const sum = ({ ranks }) => ranks.reduce((total, one) => total + one, 0);
+  return (whole.length ? whole : ranked)
+    .sort((a, b) => isNamed(b.choice, text) - isNamed(a.choice, text) || sum(a) - sum(b) || a.choice.material.length - b.choice.material.length)
+    .map(({ choice }) => choice);
+}
+
+/* The other name by which a material was found, if it is not its own. */
+function otherName({ material, names }, text) {
+  const has = (name) => wordsIn(text).every((word) => name.toLowerCase().includes(word));
+  return has(material) ? "" : names.find(has) || "";
 }
 
 function materialControl(entry) {
@@ -139,7 +190,8 @@ function materialControl(entry) {
     const all = matching(query, input.value);
     found = all.slice(0, SUGGESTIONS);
     list.replaceChildren(...found.map((choice, number) => {
-      const item = make("li", { role: "option" }, choice.material, " ", make("small", {}, choice.family));
+      const more = [choice.family, otherName(choice, input.value)].filter(Boolean).join(": ");
+      const item = make("li", { role: "option" }, choice.material, " ", make("small", {}, more));
       item.addEventListener("pointerdown", (event) => { event.preventDefault(); take(number); });
       return item;
     }));
@@ -158,8 +210,8 @@ function materialControl(entry) {
     keep();
     goOn(input);
   };
-  input.addEventListener("input", () => { record.material = undefined; keep(); suggest(); });
-  input.addEventListener("focus", () => { input.select(); if (record.material === undefined) suggest(); });
+  input.addEventListener("input", () => { record.material = undefined; keep(); if (input.value.trim()) suggest(); else open(false); });
+  input.addEventListener("focus", () => { input.select(); if (record.material === undefined && input.value.trim()) suggest(); });
   input.addEventListener("blur", () => open(false));
   input.addEventListener("keydown", (event) => {
     const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
@@ -238,8 +290,8 @@ function controlOf(entry, name) {
 
 /* A field with its control, and the problem with what was typed. */
 function field(entry, name) {
-  const control = controlOf(entry, name), problem = make("small", { className: "problem" });
-  const row = make("div", { className: "field" }, make("span", {}, label(name)), make("div", {}, control, problem));
+  const control = controlOf(entry, name), problem = make("small", { className: "problem" }), hint = make("small", { className: "hint" });
+  const row = make("div", { className: "field" }, make("span", { title: help(name) }, label(name)), make("div", {}, control, problem, hint));
   row.dataset.name = entry.path + name;
   row.lacks = () => !isList(entry.schema.properties[name]) && lacks(entry, name);
   row.update = () => {
@@ -247,6 +299,7 @@ function field(entry, name) {
     const fallback = fallbackOf(entry, name);
     control.update(entry.record[name], name === "probability" ? Math.round(100 * fallback) : fallback);
     problem.textContent = problemOf(entry, name) ?? "";
+    hint.textContent = help(entry.record[name]) || help(name);
     if (!row.lacks()) row.classList.remove("lacking");
   };
   return row;

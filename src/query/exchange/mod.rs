@@ -8,7 +8,7 @@
 mod filled;
 mod form;
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -18,12 +18,13 @@ use serde_json::Value;
 use crate::files;
 use crate::files::write::Folder;
 use crate::materials::MaterialLibrary;
-use crate::query::answer::{Problem, Unknown, recognition};
+use crate::query::answer::{Problem, Unknown};
 use crate::query::ask::queries::Queries;
 use crate::query::question::Question;
 use crate::query::question::shown_subject::ShownSubject;
 use crate::query::recorded::{Answerer, QuestionId, Recording, RecordingError, Recordings};
-use form::{FormMaterial, FormQuestion, FormText};
+pub use form::{Form, Served};
+use form::FormQuestion;
 
 const QUERIES: &str = "queries.jsonl";
 const ANSWERS: &str = "answers.jsonl";
@@ -36,7 +37,7 @@ const FORMAT: u32 = 1;
 #[derive(Debug, Serialize)]
 struct QuestionLine<'a> {
     query: &'a str,
-    sheet: String,
+    sheet: &'a str,
     prompt: &'a str,
     schema: &'a str,
 }
@@ -50,6 +51,9 @@ struct AnswerLine {
     /// Who answered, if different from the manifest's.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     model: Option<String>,
+    /// True if a person answered, by that name; the form says so.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    by_hand: bool,
 }
 
 /// A line of `origins.jsonl`.
@@ -71,6 +75,8 @@ struct Manifest {
 #[derive(Debug, Default, PartialEq, Serialize)]
 pub struct Imported {
     pub recorded: usize,
+    /// How many of these a person gave, as the form says.
+    pub by_hand: usize,
     /// Questions of the folder for which nothing was recorded.
     pub unanswered: usize,
     /// The lines that were not recorded, with the reasons.
@@ -108,9 +114,7 @@ pub enum ExchangeError {
     Recording(#[from] RecordingError),
 }
 
-/// Writes questions into a new or empty folder; returns their number. Two subjects with the same picture share one
-/// question. `part_of` returns the same value for the same part: the form puts the questions about one part together, and
-/// offers the answer to one of them for the next.
+/// Writes questions into a new or empty folder; returns their number. `part_of` is that of [`Form::add`].
 pub fn export(
     folder: &Path,
     open: &[(&ShownSubject, &Question)],
@@ -121,40 +125,25 @@ pub fn export(
         return Err(ExchangeError::NotEmpty(folder.into()));
     }
     let folder = &Folder::open(folder).map_err(|source| ExchangeError::Unwritable { path: folder.into(), source })?;
-    let texts = write_texts(folder, open)?;
-    let mut names = BTreeSet::new();
-    let mut on_page = Vec::new();
+    let mut form = Form::default();
+    form.add(open, part_of);
+    for (index, text) in form.texts().iter().enumerate() {
+        let [prompt, schema] = text_files(index);
+        write(folder, &prompt, text.prompt.as_bytes())?;
+        write(folder, &schema, format!("{:#}\n", text.schema).as_bytes())?;
+    }
     let (mut queries, mut answers, mut origins) = (String::new(), String::new(), String::new());
-    for (subject, question) in open {
-        let asked = subject.asked(question);
-        let content = asked.content_sha256();
-        let query = content.short();
-        if !names.insert(query.to_owned()) {
-            continue;
-        }
-        let sheet = format!("sheets/{query}.jpg");
-        write(folder, &sheet, &subject.jpeg)?;
-        let Text { prompt, schema, index, .. } = &texts[&hashes(question)];
-        let part = part_of(subject);
-        on_page.push((
-            part,
-            FormQuestion {
-                query: query.to_owned(),
-                sheet: sheet.clone(),
-                text: *index,
-                part: format!("{}-{}", part.0, part.1),
-                regions: subject.regions.clone(),
-            },
-        ));
+    for FormQuestion { query, sheet, text, asked, jpeg, .. } in form.questions() {
+        write(folder, sheet, jpeg)?;
+        let [prompt, schema] = &text_files(*text);
         push_line(&mut queries, &QuestionLine { query, sheet, prompt, schema });
-        push_line(&mut answers, &AnswerLine { query: query.into(), answer: Value::Null, model: None });
-        push_line(&mut origins, &OriginLine { query: query.into(), asked });
+        let open = AnswerLine { query: query.clone(), answer: Value::Null, model: None, by_hand: false };
+        push_line(&mut answers, &open);
+        push_line(&mut origins, &OriginLine { query: query.clone(), asked: asked.clone() });
     }
     let mut manifest = String::new();
-    push_line(&mut manifest, &Manifest { format: FORMAT, model: None, queries: names.len() });
-    on_page.sort_by_key(|(part, _)| *part);
-    let on_page: Vec<FormQuestion> = on_page.into_iter().map(|(_, question)| question).collect();
-    let page = page(&on_page, &texts, library);
+    push_line(&mut manifest, &Manifest { format: FORMAT, model: None, queries: form.questions().len() });
+    let page = form.page(library, None);
     let readme = include_str!("../../../prompts/export_readme.txt");
     let files = [
         (QUERIES, &*queries),
@@ -167,62 +156,19 @@ pub fn export(
     for (name, text) in files {
         write(folder, name, text.as_bytes())?;
     }
-    Ok(names.len())
+    Ok(form.questions().len())
 }
 
-/// The form for questions with these texts.
-fn page(queries: &[FormQuestion], texts: &BTreeMap<Hashes, Text>, library: &MaterialLibrary) -> String {
-    let mut texts: Vec<&Text> = texts.values().collect();
-    texts.sort_by_key(|text| text.index);
-    let texts: Vec<_> = texts
-        .iter()
-        .map(|text| FormText { prompt: &text.question.prompt, schema: text.question.schema.value() })
-        .collect();
-    let materials = library.materials().iter();
-    let materials: Vec<_> =
-        materials.map(|material| FormMaterial { aliases: &material.aliases, fields: material.into() }).collect();
-    let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
-    form::page(queries, &texts, &materials, &fillings, &recognition::limits())
-}
-
-/// The hashes of a question's prompt and schema, which tell questions apart.
-type Hashes<'a> = [&'a str; 2];
-
-fn hashes(question: &Question) -> Hashes<'_> {
-    [question.prompt_sha256.as_str(), question.schema.sha256().as_str()]
-}
-
-/// A question's files in the folder, and its index among the questions.
-struct Text<'a> {
-    prompt: String,
-    schema: String,
-    index: usize,
-    question: &'a Question,
-}
-
-/// Writes the prompt and the schema of each question once; returns their files.
-fn write_texts<'a>(
-    folder: &Folder,
-    open: &[(&ShownSubject, &'a Question)],
-) -> Result<BTreeMap<Hashes<'a>, Text<'a>>, ExchangeError> {
-    let mut texts: BTreeMap<Hashes, Text> = BTreeMap::new();
-    for (_, question) in open {
-        if texts.contains_key(&hashes(question)) {
-            continue;
-        }
-        let index = texts.len();
-        let suffix = if index == 0 { String::new() } else { format!("-{}", index + 1) };
-        let (prompt, schema) = (format!("prompt{suffix}.txt"), format!("answer{suffix}.schema.json"));
-        write(folder, &prompt, question.prompt.as_bytes())?;
-        write(folder, &schema, format!("{:#}\n", question.schema.value()).as_bytes())?;
-        texts.insert(hashes(question), Text { prompt, schema, index, question });
-    }
-    Ok(texts)
+/// The names of the files with the prompt and the schema of this index.
+fn text_files(index: usize) -> [String; 2] {
+    let suffix = if index == 0 { String::new() } else { format!("-{}", index + 1) };
+    [format!("prompt{suffix}.txt"), format!("answer{suffix}.schema.json")]
 }
 
 /// Checks the answers of a folder and records the valid ones; every bad line is reported with its number.
 ///
-/// The answering model is `model`, or else the one that the line or the manifest names. `queries` have the questions of the
+/// The answering model is `model`, or else the one that the line or the manifest names. An answer by a person keeps the name
+/// on its line. `queries` have the questions of the
 /// library, prompts and options that the scene will be run with; an answer to any other question cannot be checked and
 /// is a bad line.
 pub fn import(
@@ -252,8 +198,10 @@ pub fn import(
                 return Err(LineProblem::Again { query: answer.query, earlier });
             }
             let query = answer.query.clone();
-            let model = model.or(answer.model.as_deref()).or(manifest.model.as_deref()).map(str::to_owned);
-            let recording = check(answer, model, &origins, queries)?;
+            let of_line = answer.model.as_deref();
+            let named = if answer.by_hand { of_line.or(model) } else { model.or(of_line) };
+            let named = named.or(manifest.model.as_deref()).map(str::to_owned);
+            let recording = check(answer, named, origins.get(&query), queries)?;
             seen.insert(query, line);
             Ok(Some(recording))
         });
@@ -262,12 +210,34 @@ pub fn import(
             Ok(Some(recording)) => {
                 recordings.insert(&recording)?;
                 imported.recorded += 1;
+                imported.by_hand += usize::from(recording.is_by_hand());
             }
             Err(problem) => imported.bad.push(BadLine { line, problem: problem.to_string() }),
         }
     }
     imported.unanswered = origins.len() - imported.recorded;
     Ok(imported)
+}
+
+/// Checks an answer to a question of the form, a line as those of an export, and records it as one that a person gave.
+///
+/// # Errors
+/// The problem with the line, in words; or a recording that cannot be written.
+pub fn record(
+    line: &[u8],
+    form: &Form,
+    queries: &Queries,
+    recordings: &Recordings,
+) -> Result<Result<(), String>, RecordingError> {
+    let text = String::from_utf8_lossy(line);
+    let checked = parse(&text).and_then(|answer| {
+        let (model, asked) = (answer.model.clone(), form.asked(&answer.query));
+        check(AnswerLine { by_hand: true, ..answer }, model, asked, queries)
+    });
+    match checked {
+        Ok(recording) => recordings.insert(&recording).map(Ok),
+        Err(problem) => Ok(Err(problem.to_string())),
+    }
 }
 
 /// The error in a line of `answers.jsonl`.
@@ -298,10 +268,10 @@ fn parse(text: &str) -> Result<AnswerLine, LineProblem> {
 fn check(
     line: AnswerLine,
     model: Option<String>,
-    origins: &BTreeMap<String, QuestionId>,
+    asked: Option<&QuestionId>,
     queries: &Queries,
 ) -> Result<Recording, LineProblem> {
-    let asked = origins.get(&line.query).ok_or(LineProblem::NoQuery(line.query))?;
+    let asked = asked.ok_or(LineProblem::NoQuery(line.query))?;
     let model = model.filter(|model| !model.trim().is_empty()).ok_or(LineProblem::NoModel)?;
     let response = match line.answer {
         Value::String(text) => text,
@@ -309,7 +279,8 @@ fn check(
     };
     let checked = queries.check(asked, &response, Unknown::Refuse).ok_or(LineProblem::OtherQuestion)?;
     checked.map_err(|Problem { reason, .. }| LineProblem::Answer(reason))?;
-    let answerer = Answerer { model, parameters: Value::Null };
+    let answerer =
+        if line.by_hand { Answerer::person(model) } else { Answerer { model, parameters: Value::Null } };
     Ok(Recording::new(&answerer, asked.clone(), response, None, None))
 }
 

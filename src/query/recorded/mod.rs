@@ -12,7 +12,7 @@ pub(in crate::query) mod sha256;
 mod store;
 
 use serde::{Deserialize, Serialize};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use crate::query::recorded::sha256::Sha256Hex;
 pub use lock::QuestionLock;
@@ -64,8 +64,19 @@ impl QuestionId {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Answerer {
     pub model: String,
-    /// All settings that are sent and may change the answer, by name; null for answers that came by `--import`.
+    /// All settings that are sent and may change the answer, by name; null for answers that came by `--import`, unless a
+    /// person gave them.
     pub parameters: Value,
+}
+
+/// The parameter of answers that a person gave.
+const BY_HAND: &str = "by_hand";
+
+impl Answerer {
+    /// The person of this name.
+    pub fn person(name: String) -> Self {
+        Self { model: name, parameters: json!({ BY_HAND: true }) }
+    }
 }
 
 /// Tokens that a request used, as the server reports them.
@@ -109,6 +120,11 @@ pub struct Recording {
 pub const FORMAT: u32 = 1;
 
 impl Recording {
+    /// True if a person gave the answer.
+    pub fn is_by_hand(&self) -> bool {
+        self.parameters.get(BY_HAND) == Some(&Value::Bool(true))
+    }
+
     /// A recording of `response` with the current time.
     pub fn new(
         answerer: &Answerer,

@@ -47,7 +47,7 @@ pub enum RecordingError {
     NoPlace { folder: PathBuf, source: std::io::Error },
 }
 
-/// Whose recordings may be used.
+/// Whose recordings may be used; those of people always may, and come first.
 #[derive(Debug, Clone, Copy)]
 pub enum Who<'a> {
     /// Anyone's: the user named no model.
@@ -60,6 +60,10 @@ pub enum Who<'a> {
 
 impl Who<'_> {
     fn includes(self, recording: &Recording) -> bool {
+        recording.is_by_hand() || self.names(recording)
+    }
+
+    fn names(self, recording: &Recording) -> bool {
         match self {
             Self::Anybody => true,
             Self::Model(model) => recording.model == model,
@@ -172,8 +176,9 @@ impl Recordings {
         self.len() == 0
     }
 
-    /// The recording that answers `asked`, and how it was found. Among several, one whose response `is_readable`, then the
-    /// one with the best overlap, then the one with the smallest key.
+    /// The recording that answers `asked`, and how it was found. Among several, one whose response `is_readable`, then one
+    /// by a person (the one that `who` names comes first), then the one with the best overlap, then the one with the
+    /// smallest key.
     pub fn find(
         &self,
         asked: &QuestionId,
@@ -182,6 +187,13 @@ impl Recordings {
     ) -> Result<(Recording, Match), Miss> {
         let by_key = self.lock();
         let readable = |recording: &Recording| is_readable(&recording.response);
+        let by_person = |is_named: bool| {
+            let candidates = recordings(&by_key).filter(|recording| recording.is_by_hand());
+            best(asked, candidates.filter(|recording| !is_named || who.names(recording)), &readable)
+        };
+        if let Ok(found) = by_person(true).or_else(|_| by_person(false)) {
+            return Ok(found);
+        }
         if let Who::Exactly(answerer) = who
             && let Some(stored) = by_key.get(&key(answerer, asked))
             && readable(&stored.recording)
@@ -189,20 +201,7 @@ impl Recordings {
             return Ok((stored.recording.clone(), Match::Exact));
         }
         let candidates = recordings(&by_key).filter(|recording| who.includes(recording));
-        let best = |accepts: &dyn Fn(&Recording) -> bool| {
-            let mut same = candidates.clone().filter(|recording| recording.asked.is_same_question(asked));
-            if let Some(recording) = same.find(|recording| accepts(recording)) {
-                return Ok((recording.clone(), Match::Exact));
-            }
-            let of_prompt = candidates.clone().filter(|recording| recording.asked.has_same_prompt(asked));
-            match best_overlap(asked, of_prompt, accepts) {
-                // The same segment of the same photo with the same prompt: the question is the same, however it was drawn.
-                Some((recording, 1.0)) => Ok((recording.clone(), Match::Exact)),
-                Some((recording, iou)) if iou >= MASK_IOU => Ok((recording.clone(), Match::Mask { iou })),
-                best => Err(best.map(|(_, iou)| iou)),
-            }
-        };
-        best(&readable).or_else(|_| best(&|_| true)).map_err(|iou| miss(asked, &by_key, iou))
+        best(asked, candidates.clone(), &readable).or_else(|_| best(asked, candidates, &|_| true)).map_err(|iou| miss(asked, &by_key, iou))
     }
 
     /// The keys of all recordings that may be used for `asked`, whoever answered.
@@ -275,6 +274,26 @@ fn store(by_key: &mut ByKey, recording: Recording, path: PathBuf) {
 
 fn recordings(by_key: &ByKey) -> impl Iterator<Item = &Recording> + Clone {
     by_key.values().map(|stored| &stored.recording)
+}
+
+/// The recording among `candidates` that answers `asked` and that `accepts` takes; without one, the best overlap of those with
+/// the same prompt.
+fn best<'a>(
+    asked: &QuestionId,
+    candidates: impl Iterator<Item = &'a Recording> + Clone,
+    accepts: &dyn Fn(&Recording) -> bool,
+) -> Result<(Recording, Match), Option<f64>> {
+    let mut same = candidates.clone().filter(|recording| recording.asked.is_same_question(asked));
+    if let Some(recording) = same.find(|recording| accepts(recording)) {
+        return Ok((recording.clone(), Match::Exact));
+    }
+    let of_prompt = candidates.filter(|recording| recording.asked.has_same_prompt(asked));
+    match best_overlap(asked, of_prompt, accepts) {
+        // The same segment of the same photo with the same prompt: the question is the same, however it was drawn.
+        Some((recording, 1.0)) => Ok((recording.clone(), Match::Exact)),
+        Some((recording, iou)) if iou >= MASK_IOU => Ok((recording.clone(), Match::Mask { iou })),
+        best => Err(best.map(|(_, iou)| iou)),
+    }
 }
 
 /// The recording of the same photo with the best overlap, among those that `accepts` takes.

@@ -37,12 +37,13 @@ use crate::words::output::{counted, thousands};
 use crate::words::readable::{self, figures, interval, significant};
 
 /// The page's own scripts, in the order in which they build on each other.
-const SCRIPTS: [&str; 5] = [
+const SCRIPTS: [&str; 6] = [
     include_str!("motion.js"),
     include_str!("ground.js"),
     include_str!("timeline.js"),
     include_str!("page.js"),
     include_str!("compare.js"),
+    include_str!("correct.js"),
 ];
 
 /// The page of a report. `motion` is that of the cloud in the simulation.
@@ -58,6 +59,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         cloud_note => cloud_note(cloud),
         motion_note => motion.map(motion_note),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
+        materials => MaterialLibrary::builtin().materials().iter().map(|row| &*row.name).collect::<Vec<_>>(),
         is_metric => report.parts.is_some(),
         weighing => report.parts.as_ref().map(|parts| sentences(parts, report.scene.claimed_mass_kg)),
         object => report.parts.as_ref().and_then(|parts| object::object(parts, pictures)),

@@ -1,0 +1,221 @@
+//! `gprop answer`: asks a person, on a page that it serves on this machine, one question after another. Each answer is
+//! recorded as it is given; then the object is weighed on the answers so far, and the questions that follow are shown.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use serde::Serialize;
+use tracing::subscriber::{NoSubscriber, with_default};
+
+use crate::consensus::AskAbout;
+use crate::error::{ErrorKind, Result, UsageError};
+use crate::local_server::{Event, LocalServer, Post, Site};
+use crate::materials::MaterialLibrary;
+use crate::pipeline::query_session::{ForPerson, QuerySession};
+use crate::pipeline::stages::query::session;
+use crate::pipeline::stages::subjects::FoundSubjects;
+use crate::pipeline::{Options, Pipeline, Stage};
+use crate::query::AnswerSource;
+use crate::query::exchange::{Form, Served};
+use crate::units::Estimate;
+use crate::words::output::{counted, one_line, tell};
+use crate::words::progress::{CancelToken, Progress};
+use crate::words::readable::{Figures, mass};
+use crate::words::shell;
+
+use super::{AnswerArgs, Global, is_picture, print, scene};
+
+/// The result of a sitting.
+#[derive(Serialize)]
+struct Sitting {
+    answered: usize,
+    questions: usize,
+    mass_kg: Option<Estimate>,
+}
+
+/// The mass of the object, or why there is none.
+type Weighed = std::result::Result<Estimate, String>;
+
+/// An answer that waits for the page to be told what follows from it.
+struct Pending {
+    post: Post,
+    /// The problem with the answer, if it could not be recorded.
+    problem: Option<String>,
+}
+
+/// What happened while the page showed its questions.
+enum Next {
+    Answers(Vec<Pending>),
+    Ended,
+}
+
+/// Runs the command.
+pub fn answer(global: &Global, args: &AnswerArgs) -> Result<()> {
+    let (folder, work) = (&args.scene.scene, &args.scene.work);
+    if is_picture(folder) {
+        let problem = "gprop answer takes a scene; for a single picture, use gprop query PICTURE --export DIR";
+        return Err(UsageError(problem.to_owned()).into());
+    }
+    if work.dry_run {
+        return scene::run(global, folder, work, Stage::Query);
+    }
+    scene::open(global, folder, work, Stage::Consensus, true)?.run()?;
+    let cancel = CancelToken::default();
+    let builder = scene::builder(global, folder, work, Stage::Consensus)?;
+    let builder = builder.options(by_person(&work.options)).progress(Progress::Hidden).cancel_with(&cancel);
+    let mut pipeline = builder.open()?;
+    pipeline.run()?;
+    let server = LocalServer::start(args.port, Site::default(), cancel)
+        .map_err(|error| UsageError(format!("cannot serve on port {} of 127.0.0.1: {error}", args.port)))?;
+    let mut page = Page { server, form: Form::default(), is_told: false, run: run_command(args) };
+    let mut pending = Vec::new();
+    loop {
+        let weighed = weigh(&mut pipeline);
+        let (sitting, next) = page.round(&pipeline, &weighed, pending)?;
+        match next {
+            Next::Answers(answers) => pending = answers,
+            Next::Ended => {
+                drop(page.server);
+                return print(global, &sitting, || sitting.text(&weighed, &page.run, &shell::path(folder)));
+            }
+        }
+    }
+}
+
+/// The options if a person answers: no model is asked, and what is not answered yet is left open.
+fn by_person(options: &Options) -> Options {
+    let mut options = options.clone();
+    options.query.answers = AnswerSource::Partial;
+    options.query.lmm_url = None;
+    options
+}
+
+fn run_command(args: &AnswerArgs) -> String {
+    format!("gprop run {}", shell::path(&args.scene.scene))
+}
+
+/// Weighs the object on the answers so far. Its warnings are those of an unfinished run, and are not shown.
+fn weigh(pipeline: &mut Pipeline) -> Weighed {
+    let parts = with_default(NoSubscriber::default(), || pipeline.weigh_anew());
+    parts.map(|parts| parts.object.mass_kg).map_err(|error| match error.kind() {
+        ErrorKind::Answer => "There is no mass yet: more answers are needed.".to_owned(),
+        _ => format!("There is no mass: {}", one_line(&error.to_string())),
+    })
+}
+
+/// The page, and what it knows.
+struct Page {
+    server: LocalServer,
+    form: Form,
+    /// Whether the user was told the address.
+    is_told: bool,
+    /// The command that uses the answers.
+    run: String,
+}
+
+impl Page {
+    /// Shows the questions that are open, tells the page what followed from its last answers, and waits for the next ones,
+    /// which it records.
+    fn round(&mut self, pipeline: &Pipeline, weighed: &Weighed, pending: Vec<Pending>) -> Result<(Sitting, Next)> {
+        let open = pipeline.opened();
+        let about = FoundSubjects::of(open)?;
+        let session = session(open, &about, &open.options.query)?;
+        let due = session.for_person(&mut self.form)?;
+        let questions = due.queries.subjects.len() + due.queries.whole.len();
+        let sitting =
+            Sitting { answered: questions - due.open, questions, mass_kg: weighed.as_ref().ok().copied() };
+        let served = self.served(&sitting, &due, weighed, open.options.consensus.ask);
+        self.show(&served, session.library(), pending);
+        if served.done {
+            return Ok((sitting, Next::Ended));
+        }
+        if !self.is_told {
+            tell(&format!("Answer at {}  (on this machine only; Ctrl-C ends, answers are kept)", self.server.url()));
+            self.is_told = true;
+        }
+        let next = self.answers(&session, &due)?;
+        Ok((sitting, next))
+    }
+
+    /// What the page is told of how things stand.
+    fn served(&self, sitting: &Sitting, due: &ForPerson, weighed: &Weighed, ask: AskAbout) -> Served {
+        let Sitting { answered, questions, .. } = sitting;
+        let done = due.open == 0;
+        let mut standing = vec![format!("{answered} of {} answered. {}", counted(*questions, "question"), said(weighed, done))];
+        if done {
+            standing.push("Nothing is left to answer: close this page. The terminal says what to run next.".to_owned());
+        } else if weighed.is_ok() {
+            standing.push(meanwhile(&due.without_answer, ask));
+        }
+        Served { recorded: due.recorded.clone(), standing, done, name: user_name() }
+    }
+
+    fn show(&self, served: &Served, library: &MaterialLibrary, pending: Vec<Pending>) {
+        let questions = self.form.questions().iter();
+        let pictures: BTreeMap<_, _> = questions.map(|of| (of.sheet.clone(), of.jpeg.clone())).collect();
+        let page = self.form.page(library, Some(served));
+        self.server.show(Site { page, pictures });
+        for Pending { post, problem } in pending {
+            post.reply(self.form.reply(served, problem.as_deref()));
+        }
+    }
+
+    /// Waits for an answer, and records it together with those that wait behind it.
+    fn answers(&self, session: &QuerySession, due: &ForPerson) -> Result<Next> {
+        let mut answers = Vec::new();
+        let mut event = Some(self.server.next());
+        while let Some(happened) = event {
+            let Event::Posted(post) = happened else { return Ok(Next::Ended) };
+            let problem = session.record(&post.body, &self.form, &due.queries)?.err();
+            answers.push(Pending { post, problem });
+            event = self.server.next_now();
+        }
+        Ok(Next::Answers(answers))
+    }
+}
+
+/// The name with which the page starts: the user's on this machine.
+fn user_name() -> String {
+    std::env::var("USER").unwrap_or_default()
+}
+
+/// The mass in words.
+fn said(weighed: &Weighed, done: bool) -> String {
+    match weighed {
+        Ok(mass_kg) => {
+            let Figures { mid, interval } = mass(*mass_kg);
+            format!("{} {mid} ({interval}).", if done { "Mass:" } else { "Mass so far:" })
+        }
+        Err(problem) => problem.clone(),
+    }
+}
+
+/// What the mass says of the subjects with these ids until they have an answer.
+fn meanwhile(without_answer: &BTreeSet<u16>, ask: AskAbout) -> String {
+    let ids: Vec<String> = without_answer.iter().map(u16::to_string).collect();
+    let parts = format!("{} {}", if ids.len() == 1 { "part" } else { "parts" }, ids.join(", "));
+    match ask {
+        AskAbout::Object => format!("Not answered yet: {parts}; until then, the answer about the object stands for them."),
+        _ if ids.is_empty() => "Every part has an answer; the open questions show parts in more views.".to_owned(),
+        AskAbout::Parts => format!("Not answered yet: {parts}; until then, they count like the parts beside them."),
+        AskAbout::Segments => {
+            format!("{} without an answer do not vote yet.", counted(ids.len(), "segment"))
+        }
+    }
+}
+
+impl Sitting {
+    fn text(&self, weighed: &Weighed, run: &str, scene: &str) -> String {
+        let Self { answered, questions, .. } = self;
+        let done = answered == questions;
+        let counts = format!("{answered} of {} answered. {}", counted(*questions, "question"), said(weighed, done));
+        let next = if done {
+            format!("Go on with `{run}` and the same options.")
+        } else {
+            format!(
+                "`gprop answer {scene}` goes on with the others; `{run} --answers partial` reports on the answers so far; \
+                 `{run} --lmm-url URL --lmm-model NAME` lets a model answer the rest."
+            )
+        };
+        format!("{counts}\n{next}")
+    }
+}
