@@ -23,6 +23,7 @@ use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use tokio::net::{TcpListener, TcpStream};
+use tokio::signal::unix::{SignalKind, signal};
 use tokio::sync::oneshot;
 use tokio::task::JoinSet;
 
@@ -152,6 +153,12 @@ struct Gate {
 
 async fn serve(listener: TcpListener, gate: Arc<Gate>, mut stopped: oneshot::Receiver<()>) {
     let mut connections = JoinSet::new();
+    // Without them, Ctrl-C ends the process as usual.
+    let mut interrupts = signal(SignalKind::interrupt()).ok();
+    let mut interrupted = async || match &mut interrupts {
+        Some(interrupts) => interrupts.recv().await,
+        None => std::future::pending().await,
+    };
     loop {
         tokio::select! {
             accepted = listener.accept(), if connections.len() < MOST_CONNECTIONS => {
@@ -160,7 +167,7 @@ async fn serve(listener: TcpListener, gate: Arc<Gate>, mut stopped: oneshot::Rec
                 }
             }
             Some(_) = connections.join_next(), if !connections.is_empty() => {}
-            Ok(()) = tokio::signal::ctrl_c() => {
+            Some(()) = interrupted() => {
                 gate.cancel.cancel();
                 let _ = gate.events.send(Event::Interrupted);
             }

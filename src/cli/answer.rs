@@ -1,7 +1,7 @@
 //! `gprop answer`: asks a person, on a page that it serves on this machine, one question after another. Each answer is
 //! recorded as it is given; then the object is weighed on the answers so far, and the questions that follow are shown.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use serde::Serialize;
 use tracing::subscriber::{NoSubscriber, with_default};
@@ -17,7 +17,7 @@ use crate::pipeline::{Options, Pipeline, Stage};
 use crate::query::AnswerSource;
 use crate::query::exchange::{Form, Served};
 use crate::units::Estimate;
-use crate::words::output::{counted, one_line, tell};
+use crate::words::output::{agreeing, counted, one_line, tell};
 use crate::words::progress::{CancelToken, Progress};
 use crate::words::readable::{Figures, mass};
 use crate::words::shell;
@@ -66,7 +66,7 @@ pub fn answer(global: &Global, args: &AnswerArgs) -> Result<()> {
     pipeline.run()?;
     let server = LocalServer::start(args.port, Site::default(), cancel)
         .map_err(|error| UsageError(format!("cannot serve on port {} of 127.0.0.1: {error}", args.port)))?;
-    let mut page = Page { server, form: Form::default(), is_told: false, run: run_command(args) };
+    let mut page = Page { server, form: Form::default(), is_told: false, is_over: false };
     let mut pending = Vec::new();
     loop {
         let weighed = weigh(&mut pipeline);
@@ -75,7 +75,7 @@ pub fn answer(global: &Global, args: &AnswerArgs) -> Result<()> {
             Next::Answers(answers) => pending = answers,
             Next::Ended => {
                 drop(page.server);
-                return print(global, &sitting, || sitting.text(&weighed, &page.run, &shell::path(folder)));
+                return print(global, &sitting, || sitting.text(&weighed, &shell::path(folder)));
             }
         }
     }
@@ -89,15 +89,12 @@ fn by_person(options: &Options) -> Options {
     options
 }
 
-fn run_command(args: &AnswerArgs) -> String {
-    format!("gprop run {}", shell::path(&args.scene.scene))
-}
-
 /// Weighs the object on the answers so far. Its warnings are those of an unfinished run, and are not shown.
 fn weigh(pipeline: &mut Pipeline) -> Weighed {
     let parts = with_default(NoSubscriber::default(), || pipeline.weigh_anew());
     parts.map(|parts| parts.object.mass_kg).map_err(|error| match error.kind() {
         ErrorKind::Answer => "There is no mass yet: more answers are needed.".to_owned(),
+        ErrorKind::Cancelled => "The object was not weighed again.".to_owned(),
         _ => format!("There is no mass: {}", one_line(&error.to_string())),
     })
 }
@@ -108,8 +105,8 @@ struct Page {
     form: Form,
     /// Whether the user was told the address.
     is_told: bool,
-    /// The command that uses the answers.
-    run: String,
+    /// Whether the user pressed Ctrl-C.
+    is_over: bool,
 }
 
 impl Page {
@@ -121,11 +118,10 @@ impl Page {
         let session = session(open, &about, &open.options.query)?;
         let due = session.for_person(&mut self.form)?;
         let questions = due.queries.subjects.len() + due.queries.whole.len();
-        let sitting =
-            Sitting { answered: questions - due.open, questions, mass_kg: weighed.as_ref().ok().copied() };
-        let served = self.served(&sitting, &due, weighed, open.options.consensus.ask);
+        let sitting = Sitting { answered: questions - due.open, questions, mass_kg: weighed.as_ref().ok().copied() };
+        let served = served(&sitting, &due, weighed, open.options.consensus.ask);
         self.show(&served, session.library(), pending);
-        if served.done {
+        if sitting.is_done() || self.is_over {
             return Ok((sitting, Next::Ended));
         }
         if !self.is_told {
@@ -134,19 +130,6 @@ impl Page {
         }
         let next = self.answers(&session, &due)?;
         Ok((sitting, next))
-    }
-
-    /// What the page is told of how things stand.
-    fn served(&self, sitting: &Sitting, due: &ForPerson, weighed: &Weighed, ask: AskAbout) -> Served {
-        let Sitting { answered, questions, .. } = sitting;
-        let done = due.open == 0;
-        let mut standing = vec![format!("{answered} of {} answered. {}", counted(*questions, "question"), said(weighed, done))];
-        if done {
-            standing.push("Nothing is left to answer: close this page. The terminal says what to run next.".to_owned());
-        } else if weighed.is_ok() {
-            standing.push(meanwhile(&due.without_answer, ask));
-        }
-        Served { recorded: due.recorded.clone(), standing, done, name: user_name() }
     }
 
     fn show(&self, served: &Served, library: &MaterialLibrary, pending: Vec<Pending>) {
@@ -159,63 +142,78 @@ impl Page {
         }
     }
 
-    /// Waits for an answer, and records it together with those that wait behind it.
-    fn answers(&self, session: &QuerySession, due: &ForPerson) -> Result<Next> {
+    /// Waits for an answer or for Ctrl-C, and records the answer together with those that wait behind it.
+    fn answers(&mut self, session: &QuerySession, due: &ForPerson) -> Result<Next> {
         let mut answers = Vec::new();
         let mut event = Some(self.server.next());
         while let Some(happened) = event {
-            let Event::Posted(post) = happened else { return Ok(Next::Ended) };
+            let Event::Posted(post) = happened else {
+                self.is_over = true;
+                break;
+            };
             let problem = session.record(&post.body, &self.form, &due.queries)?.err();
             answers.push(Pending { post, problem });
             event = self.server.next_now();
         }
-        Ok(Next::Answers(answers))
+        Ok(if answers.is_empty() { Next::Ended } else { Next::Answers(answers) })
     }
 }
 
-/// The name with which the page starts: the user's on this machine.
-fn user_name() -> String {
-    std::env::var("USER").unwrap_or_default()
-}
-
-/// The mass in words.
-fn said(weighed: &Weighed, done: bool) -> String {
-    match weighed {
-        Ok(mass_kg) => {
-            let Figures { mid, interval } = mass(*mass_kg);
-            format!("{} {mid} ({interval}).", if done { "Mass:" } else { "Mass so far:" })
-        }
-        Err(problem) => problem.clone(),
+/// What the page is told of how things stand. It starts with the name of the user on this machine.
+fn served(sitting: &Sitting, due: &ForPerson, weighed: &Weighed, ask: AskAbout) -> Served {
+    let mut standing = vec![sitting.standing(weighed)];
+    if sitting.is_done() {
+        standing.push("Nothing is left to answer: close this page. The terminal says what to run next.".to_owned());
+    } else if weighed.is_ok() {
+        standing.push(meanwhile(due, ask));
     }
+    let name = std::env::var("USER").unwrap_or_default();
+    Served { recorded: due.recorded.clone(), standing, done: sitting.is_done(), name }
 }
 
-/// What the mass says of the subjects with these ids until they have an answer.
-fn meanwhile(without_answer: &BTreeSet<u16>, ask: AskAbout) -> String {
-    let ids: Vec<String> = without_answer.iter().map(u16::to_string).collect();
-    let parts = format!("{} {}", if ids.len() == 1 { "part" } else { "parts" }, ids.join(", "));
+/// What the mass is based on where there is no answer yet.
+fn meanwhile(due: &ForPerson, ask: AskAbout) -> String {
+    let ids: Vec<String> = due.without_answer.iter().map(u16::to_string).collect();
+    let parts = format!("{} {}", agreeing(ids.len(), "part", "parts"), ids.join(", "));
     match ask {
-        AskAbout::Object => format!("Not answered yet: {parts}; until then, the answer about the object stands for them."),
-        _ if ids.is_empty() => "Every part has an answer; the open questions show parts in more views.".to_owned(),
-        AskAbout::Parts => format!("Not answered yet: {parts}; until then, they count like the parts beside them."),
         AskAbout::Segments => {
-            format!("{} without an answer do not vote yet.", counted(ids.len(), "segment"))
+            let vote = agreeing(due.open, "does not vote", "do not vote");
+            format!("{} without an answer {vote} yet.", counted(due.open, "segment"))
+        }
+        _ if ids.is_empty() => "Every part has an answer; the open questions show parts in more views.".to_owned(),
+        AskAbout::Object => format!("Not answered yet: {parts}; until then, the answer about the object stands."),
+        AskAbout::Parts => {
+            format!("Not answered yet: {parts}; until then, what has no answer counts like the parts beside it.")
         }
     }
 }
 
 impl Sitting {
-    fn text(&self, weighed: &Weighed, run: &str, scene: &str) -> String {
+    fn is_done(&self) -> bool {
+        self.answered == self.questions
+    }
+
+    fn standing(&self, weighed: &Weighed) -> String {
         let Self { answered, questions, .. } = self;
-        let done = answered == questions;
-        let counts = format!("{answered} of {} answered. {}", counted(*questions, "question"), said(weighed, done));
-        let next = if done {
-            format!("Go on with `{run}` and the same options.")
+        let mass = match weighed {
+            Ok(mass_kg) => {
+                let Figures { mid, interval } = mass(*mass_kg);
+                format!("{} {mid} ({interval}).", if self.is_done() { "Mass:" } else { "Mass so far:" })
+            }
+            Err(problem) => problem.clone(),
+        };
+        format!("{answered} of {} answered. {mass}", counted(*questions, "question"))
+    }
+
+    fn text(&self, weighed: &Weighed, scene: &str) -> String {
+        let next = if self.is_done() {
+            format!("Go on with `gprop run {scene}` and the same options.")
         } else {
             format!(
-                "`gprop answer {scene}` goes on with the others; `{run} --answers partial` reports on the answers so far; \
-                 `{run} --lmm-url URL --lmm-model NAME` lets a model answer the rest."
+                "`gprop answer {scene}` goes on with the others; `gprop run {scene} --answers partial` reports on the \
+                 answers so far; `gprop run {scene} --lmm-url URL --lmm-model NAME` lets a model answer the rest."
             )
         };
-        format!("{counts}\n{next}")
+        format!("{}\n{next}", self.standing(weighed))
     }
 }

@@ -39,8 +39,8 @@ use crate::words::output;
 use crate::words::progress::Progress;
 use crate::{audit, config, exit, inspect};
 use arguments::{
-    AnswerArgs, BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs, ReportArgs,
-    Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
+    AnswerArgs, BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs,
+    ReportArgs, Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
 };
 
 /// The program: runs the command line, prints an error once, and returns the exit code. A panic is reported as a bug

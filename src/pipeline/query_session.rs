@@ -22,9 +22,9 @@ use crate::query::client::{self, ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Form, Imported};
 use crate::query::recorded::{Answerer, Recordings};
 use crate::query::{
-    Alternative, Answer, Answers, AnyWholeQuestion, DirectGuess, ObjectAnswers, Options, Outcome,
-    PartQuestion, Piece, Preview, Prompts, Purpose, Queries, QueryError, Recognition, Region, ShownSubject, Side, Size,
-    SubjectAnswer, SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion,
+    Alternative, Answer, Answers, AnyWholeQuestion, DirectGuess, ObjectAnswers, Options, Outcome, PartQuestion, Piece,
+    Preview, Prompts, Purpose, Queries, QueryError, Recognition, Region, ShownSubject, Side, Size, SubjectAnswer,
+    SubjectId, ViewSubjects, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion,
 };
 use crate::scene::{Photo, Reference, SceneError};
 use crate::segment::LabelMap;

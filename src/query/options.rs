@@ -146,7 +146,7 @@ pub struct Options {
     #[serde(skip)]
     pub lmm_url: Option<String>,
 
-    /// Name of the model on that server; without --lmm-url, use only recordings of this model
+    /// Name of the model on that server; without --lmm-url, use only recordings of this model and of people
     #[arg(long, value_name = "NAME")]
     pub lmm_model: Option<String>,
 

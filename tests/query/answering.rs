@@ -255,7 +255,8 @@ fn asked_beside(by_hand: bool) -> (usize, Vec<String>) {
     export(&out, &queries, &store);
     let names = fs::read_to_string(out.join("answers.jsonl")).unwrap();
     let first: Value = serde_json::from_str(names.lines().next().unwrap()).unwrap();
-    let answer = json!({ "query": first["query"], "answer": good_answer(a("wood")), "model": "Ada", "by_hand": by_hand });
+    let answer =
+        json!({ "query": first["query"], "answer": good_answer(a("wood")), "model": "Ada", "by_hand": by_hand });
     fs::write(out.join("answers.jsonl"), answer.to_string()).unwrap();
     let imported = exchange::import(&out, Some("scripted"), &queries, &store).unwrap();
     assert_eq!((imported.recorded, imported.by_hand), (1, usize::from(by_hand)));

@@ -232,6 +232,7 @@ fn a_common_problem_is_told_once_and_the_next_step_is_named() {
         // Another model would be asked that question again.
         assert!(said.starts_with(&next) && said.contains("--lmm-url") == by_hand, "{said}");
     }
+    fs::remove_dir_all(scene.join("recorded")).unwrap();
     answer_all(a("wood"));
     let (code, said, problem) = query(&["--import"], &out);
     assert_eq!(code, Some(0), "{problem}");

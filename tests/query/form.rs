@@ -234,7 +234,9 @@ fn materials_are_found_by_their_names_and_only_they_are_taken() {
         page.evaluate(&names).as_str().unwrap().split('|').map(str::to_owned).collect()
     };
     let place = |words: &str, material: &str| found(words).iter().position(|name| name.starts_with(material)).unwrap();
-    assert!(place("pot", "earthenware") < place("pot", "potato") && place("pot", "terracotta") < place("pot", "potato"));
+    assert!(
+        place("pot", "earthenware") < place("pot", "potato") && place("pot", "terracotta") < place("pot", "potato")
+    );
     assert!(found("compost").iter().any(|name| name.starts_with("soil")));
     assert_eq!((found("steel")[0].as_str(), found("soil")[0].as_str()), ("steel, mild", "soil, topsoil"));
     assert!(found("ash").iter().all(|name| name.starts_with("ash")), "{:?}", found("ash"));
@@ -278,6 +280,7 @@ fn an_answer_is_given_to_several_parts_at_once_and_offered_to_others() {
     assert_eq!(others, 3);
     // The questions are in the order of the parts: the second is about the same part, the third and fourth about another.
     page.click("#others button:nth-child(2)");
+    page.focus(".combo input");
     page.answer(&a("wood").chars().take(6).collect::<String>(), "a leaf");
     assert_eq!(page.text("#state"), "2 of 4 answered");
     assert!(page.text("#offer").starts_with("The same part as in question 1: a leaf"), "{}", page.text("#offer"));

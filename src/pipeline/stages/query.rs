@@ -12,8 +12,8 @@ use crate::error::Result;
 use crate::gaussians::bounds::least_box;
 use crate::query::ask::hints;
 use crate::query::{
-    AnswerSource, Answers, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion, Preview, Purpose,
-    Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
+    AnswerSource, Answers, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion, Preview,
+    Purpose, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
 };
 use crate::scene::{ScaleChoice, Scene, View};
 use crate::segment::LabelMap;
@@ -378,7 +378,8 @@ fn left_open(answers: &Answers) -> Option<String> {
         [part] => format!("part {part}"),
         parts => format!("parts {}", parts.join(", ")),
     };
-    let consequence = "until then, what has no answer counts like the parts beside it; `gprop answer SCENE` asks for the rest";
+    let consequence =
+        "until then, what has no answer counts like the parts beside it; `gprop answer SCENE` asks for the rest";
     (!open.is_empty()).then(|| format!("not answered yet: {named}; {consequence}"))
 }
 

@@ -290,8 +290,8 @@ function controlOf(entry, name) {
 
 /* A field with its control, and the problem with what was typed. */
 function field(entry, name) {
-  const control = controlOf(entry, name), problem = make("small", { className: "problem" }), hint = make("small", { className: "hint" });
-  const row = make("div", { className: "field" }, make("span", { title: help(name) }, label(name)), make("div", {}, control, problem, hint));
+  const control = controlOf(entry, name), problem = make("small", { className: "problem" });
+  const row = make("div", { className: "field" }, make("span", { title: help(name) }, label(name)), make("div", {}, control, problem));
   row.dataset.name = entry.path + name;
   row.lacks = () => !isList(entry.schema.properties[name]) && lacks(entry, name);
   row.update = () => {
@@ -299,7 +299,6 @@ function field(entry, name) {
     const fallback = fallbackOf(entry, name);
     control.update(entry.record[name], name === "probability" ? Math.round(100 * fallback) : fallback);
     problem.textContent = problemOf(entry, name) ?? "";
-    hint.textContent = help(entry.record[name]) || help(name);
     if (!row.lacks()) row.classList.remove("lacking");
   };
   return row;

@@ -23,8 +23,8 @@ use crate::query::ask::queries::Queries;
 use crate::query::question::Question;
 use crate::query::question::shown_subject::ShownSubject;
 use crate::query::recorded::{Answerer, QuestionId, Recording, RecordingError, Recordings};
-pub use form::{Form, Served};
 use form::FormQuestion;
+pub use form::{Form, Served};
 
 const QUERIES: &str = "queries.jsonl";
 const ANSWERS: &str = "answers.jsonl";
@@ -279,8 +279,7 @@ fn check(
     };
     let checked = queries.check(asked, &response, Unknown::Refuse).ok_or(LineProblem::OtherQuestion)?;
     checked.map_err(|Problem { reason, .. }| LineProblem::Answer(reason))?;
-    let answerer =
-        if line.by_hand { Answerer::person(model) } else { Answerer { model, parameters: Value::Null } };
+    let answerer = if line.by_hand { Answerer::person(model) } else { Answerer { model, parameters: Value::Null } };
     Ok(Recording::new(&answerer, asked.clone(), response, None, None))
 }
 

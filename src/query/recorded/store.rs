@@ -201,7 +201,9 @@ impl Recordings {
             return Ok((stored.recording.clone(), Match::Exact));
         }
         let candidates = recordings(&by_key).filter(|recording| who.includes(recording));
-        best(asked, candidates.clone(), &readable).or_else(|_| best(asked, candidates, &|_| true)).map_err(|iou| miss(asked, &by_key, iou))
+        best(asked, candidates.clone(), &readable)
+            .or_else(|_| best(asked, candidates, &|_| true))
+            .map_err(|iou| miss(asked, &by_key, iou))
     }
 
     /// The keys of all recordings that may be used for `asked`, whoever answered.
