@@ -173,18 +173,24 @@ fn served(sitting: &Sitting, due: &ForPerson, weighed: &Weighed, ask: AskAbout) 
 
 /// What the mass is based on where there is no answer yet.
 fn meanwhile(due: &ForPerson, ask: AskAbout) -> String {
-    let ids: Vec<String> = due.without_answer.iter().map(u16::to_string).collect();
-    let parts = format!("{} {}", agreeing(ids.len(), "part", "parts"), ids.join(", "));
+    let ForPerson { open, parts, without_answer, .. } = due;
     match ask {
         AskAbout::Segments => {
-            let vote = agreeing(due.open, "does not vote", "do not vote");
-            format!("{} without an answer {vote} yet.", counted(due.open, "segment"))
+            let vote = agreeing(*open, "does not vote", "do not vote");
+            format!("{} without an answer {vote} yet.", counted(*open, "segment"))
         }
-        _ if ids.is_empty() => "Every part has an answer; the open questions show parts in more views.".to_owned(),
-        AskAbout::Object => format!("Not answered yet: {parts}; until then, the answer about the object stands."),
-        AskAbout::Parts => {
-            format!("Not answered yet: {parts}; until then, what has no answer counts like the parts beside it.")
+        AskAbout::Object => {
+            let (parts, have) = (counted(*without_answer, "part"), agreeing(*without_answer, "has", "have"));
+            format!("{parts} in doubt {have} no answer yet; until then, the answer about the object stands.")
         }
+        AskAbout::Parts if *without_answer == 0 => {
+            "Every part has an answer; the open questions show parts in more views.".to_owned()
+        }
+        AskAbout::Parts => format!(
+            "{} of {} answered; until the others are, they count like the parts beside them.",
+            parts - without_answer,
+            counted(*parts, "part")
+        ),
     }
 }
 

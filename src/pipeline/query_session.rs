@@ -123,8 +123,10 @@ pub struct ForPerson<'a> {
     pub open: usize,
     /// The form's questions that have a recorded answer, by name.
     pub recorded: Vec<String>,
-    /// The ids of the subjects that are due and have no answer in any view.
-    pub without_answer: BTreeSet<u16>,
+    /// Number of parts that are asked about.
+    pub parts: usize,
+    /// Number of these that have no answer in any view.
+    pub without_answer: usize,
 }
 
 /// A view of a session.
@@ -499,9 +501,10 @@ impl<'a> QuerySession<'a> {
         let is_open = |shown: &ShownSubject| open.iter().any(|(of, _)| of.view == shown.view && of.id == shown.id);
         let (unanswered, answered): (Vec<_>, Vec<_>) = queries.subjects.iter().partition(|shown| is_open(shown));
         let ids = |shown: Vec<&ShownSubject>| shown.iter().map(|shown| shown.id).collect::<BTreeSet<u16>>();
-        let without_answer = &ids(unanswered) - &ids(answered);
+        let (unanswered, answered) = (ids(unanswered), ids(answered));
+        let (parts, without_answer) = ((&unanswered | &answered).len(), (&unanswered - &answered).len());
         let open = open.len();
-        Ok(ForPerson { queries, open, recorded, without_answer })
+        Ok(ForPerson { queries, open, recorded, parts, without_answer })
     }
 
     /// Checks a person's answer to a question of the form, and records it.
