@@ -302,3 +302,24 @@ fn corrections_are_written_for_the_scene() {
     assert!(file.as_str().unwrap().ends_with(&text), "{file}");
     assert_eq!(page.complaints(), Vec::<String>::new());
 }
+
+/// Parts that are one piece of the object have the number of the first of them, so numbers are missing in between.
+#[test]
+fn parts_may_have_any_numbers() {
+    let scene = small_run();
+    let text = std::fs::read_to_string(scene.join("gprop/report.html")).unwrap();
+    let renumbered = text.replace("data-parts=\"2\"", "data-parts=\"7\"").replace("\"id\": 2,", "\"id\": 7,");
+    assert!(renumbered.contains("data-parts=\"7\"") && renumbered.contains("\"id\": 7,"));
+    let home = tempfile::tempdir().unwrap();
+    let file = home.path().join("report.html");
+    std::fs::write(&file, renumbered).unwrap();
+    let Some(page) = Page::open("parts_may_have_any_numbers", &format!("file://{}", file.display()), ".frame.ready")
+    else {
+        return;
+    };
+    page.color_by("part");
+    assert!(page.text("#legend [data-parts='7']").starts_with("7 "), "{}", page.text("#legend"));
+    page.evaluate("document.querySelector('button[data-parts=\"7\"]').click()");
+    assert_eq!(page.evaluate("document.querySelector('tr[data-parts=\"7\"]').classList.contains('lit')"), true);
+    assert_eq!(page.complaints(), Vec::<String>::new());
+}

@@ -34,7 +34,7 @@
   const modes = [
     { name: "photo", note: "colours of the splat, without view-dependent shading" },
     { name: "material", color: (p) => materialColors[p], entries: () => unique(parts.map((part, p) => [part.material, materialColors[p], [p]])) },
-    { name: "part", color: (p) => partColors[p], entries: () => parts.map((part, p) => [`${p + 1} ${part.name}`, partColors[p], [p]]) },
+    { name: "part", color: (p) => partColors[p], entries: () => parts.map((part, p) => [`${part.id} ${part.name}`, partColors[p], [p]]) },
     ...properties.map((property) => {
       const { low, high, share } = scaleOf(property), { values, unit } = property;
       return {
@@ -76,7 +76,7 @@
       item.append(text);
       return item;
     };
-    for (const [name, color, places] of entries ? entries() : []) add(name, "item", css(color)).dataset.parts = places.map((p) => p + 1).join(" ");
+    for (const [name, color, places] of entries ? entries() : []) add(name, "item", css(color)).dataset.parts = places.map((p) => parts[p].id).join(" ");
     if (range) {
       add(range[0], "soft");
       add("", "ramp").style.background = `linear-gradient(90deg, ${RAMP.map(css).join()})`;
@@ -89,8 +89,8 @@
 
   // --- Rows, legend and object highlight each other's parts.
   let pinned = null, pointed = null;
-  // Elements name parts by their numbers, from 1; all else is by place, from 0.
-  const partsOf = (element) => element?.dataset.parts.split(" ").map((id) => id - 1) ?? null;
+  // Elements name parts by their numbers; all else is by place, from 0.
+  const partsOf = (element) => element?.dataset.parts.split(" ").map((id) => parts.findIndex((part) => part.id === Number(id))) ?? null;
   const same = (a, b) => String(a) === String(b);
   const lit = () => pointed ?? pinned;
   let recolor = () => {};

@@ -61,6 +61,7 @@ struct Moves<'a> {
 
 #[derive(Serialize)]
 struct ViewerPart<'a> {
+    id: u32,
     name: String,
     caption: &'a str,
     material: &'a str,
@@ -91,6 +92,7 @@ pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud, motion: Option<&'
     let Cloud { count, of, corners, log_scales, sphere, eye, .. } = cloud;
     let names = field_ply::material_names(&report.labels);
     let part = |label: &'a FieldLabel| ViewerPart {
+        id: label.id,
         name: part_name(&label.caption, &label.material),
         caption: &label.caption,
         material: &label.material,
