@@ -189,7 +189,8 @@ fn each_answer_is_recorded_as_it_is_given_and_the_command_ends_with_the_last() {
     assert!(said.contains("`gprop answer ") && said.contains("--answers partial"), "{said}");
     let report = gprop().arg("run").arg(&scene).args(["--answers", "partial", "--to", "parts"]).output().unwrap();
     assert_eq!(report.status.code(), Some(0), "{}", String::from_utf8_lossy(&report.stderr));
-    assert!(String::from_utf8_lossy(&report.stderr).contains("not answered yet: 5 segments"));
+    let record = fs::read_to_string(scene.join("gprop/run.json")).unwrap();
+    assert!(record.contains("not answered yet: 5 segments"), "the report says what is open: {record}");
 
     let sitting = Sitting::start(&scene);
     let left = sitting.queries();
