@@ -408,8 +408,8 @@ pub struct QueryArgs {
     /// Delete the scene's recordings that are not used with these options.
     #[arg(long, group = "action")]
     pub prune: bool,
-    /// Ask only how heavy the object is, from three photos and its outer size: what a model says without gprop. `gprop
-    /// evaluate mass --beside direct` compares.
+    /// Ask only how heavy the object is, from three photos and its outer size: what a model says without gprop, for
+    /// `evaluate mass --beside direct`.
     #[arg(long, conflicts_with_all = ["batch_api", "prune", "mask"])]
     pub direct: bool,
     /// Mask of a single picture: white, or opaque, on the object.

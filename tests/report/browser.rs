@@ -250,7 +250,7 @@ fn photo_and_splat_lie_over_each_other_and_tables_can_be_saved() {
 
     // Every table as CSV, with the numbers of report.json.
     let files = page.evaluate(
-        "JSON.stringify([...document.querySelectorAll('a[download$=".csv"]')].map((a) => [a.download, atob(a.href.split(',')[1])]))",
+        "JSON.stringify([...document.querySelectorAll('a[download$=csv]')].map((a) => [a.download, atob(a.href.split(',')[1])]))",
     );
     let files: Vec<[String; 2]> = serde_json::from_str(files.as_str().unwrap()).unwrap();
     let names: Vec<&str> = files.iter().filter_map(|[name, _]| name.rsplit('_').next()).collect();
