@@ -217,7 +217,7 @@ impl Sitting {
         } else {
             format!(
                 "`gprop answer {scene}` goes on with the others; `gprop run {scene} --answers partial` reports on the \
-                 answers so far; `gprop run {scene} --lmm-url URL --lmm-model NAME` lets a model answer the rest."
+                 answers so far; `gprop run {scene} --lmm-url URL --lmm-model NAME` lets a model answer the rest; all with the same options."
             )
         };
         format!("{}\n{next}", self.standing(weighed))

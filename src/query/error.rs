@@ -31,7 +31,7 @@ pub enum QueryError {
     Cancelled(#[from] Cancelled),
     #[error(
         "no recorded answer for {} of {}:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
-         in OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE --export DIR, then --import DIR with the same options",
+         in OPENAI_API_KEY; or answer by hand: gprop answer SCENE; or elsewhere: gprop query SCENE --export DIR, then --import DIR with the same options",
         .missing.len(), output::counted(*.questions, "question"), listed(.missing)
     )]
     Missing { questions: usize, missing: Vec<MissingAnswer> },
