@@ -224,14 +224,14 @@ fn millimetres_are_told_from_metres() {
 #[test]
 fn meshes_must_be_closed_and_face_outward() {
     let half = [0.04, 0.04, 0.025];
-    let with = |mesh: &str| findings(&of_mesh("filename='box.obj'"), &[("box.obj", mesh)]);
-    assert_eq!(with(&box_obj(half, 12, false)), []);
-    let open = with(&box_obj(half, 10, false));
+    let findings_with = |mesh: &str| findings(&of_mesh("filename='box.obj'"), &[("box.obj", mesh)]);
+    assert_eq!(findings_with(&box_obj(half, 12, false)), []);
+    let open = findings_with(&box_obj(half, 10, false));
     assert!(open[0].0 == Kind::Surface && open[0].2.contains("is open (4 edges have only one triangle)"), "{open:?}");
-    let inverted = with(&box_obj(half, 12, true));
+    let inverted = findings_with(&box_obj(half, 12, true));
     assert!(inverted.len() == 1 && inverted[0].2.contains("is turned inside out"), "{inverted:?}");
     let fin = box_obj(half, 12, false) + "v 0 0 1\nf 1 2 9\n";
-    assert!(with(&fin).iter().any(|finding| finding.2.contains("1 edge of more than two triangles")));
+    assert!(findings_with(&fin).iter().any(|finding| finding.2.contains("1 edge of more than two triangles")));
 }
 
 #[test]
@@ -394,8 +394,8 @@ fn threads_change_nothing_and_meshes_are_read_once_for_all_links() {
     let many: String = (0..200).map(link).collect();
     let robot = format!("<robot>{many}</robot>");
     let home = folder(&[("box.obj", &mesh), ("a.urdf", &robot), ("b.urdf", &robot)]);
-    let with = |threads: &str| run(&["--json", "--threads", threads], &[home.path().to_owned()]).stdout;
-    assert_eq!(with("1"), with("4"));
+    let audit_on = |threads: &str| run(&["--json", "--threads", threads], &[home.path().to_owned()]).stdout;
+    assert_eq!(audit_on("1"), audit_on("4"));
 }
 
 #[test]

@@ -368,24 +368,24 @@ fn pixels_that_show_a_part_do_not_depend_on_its_pieces() {
     // Shows both halves equally large.
     let camera = &cameras(4)[1];
     let map: Vec<u16> = seen(&gaussians, camera, &labels);
-    let at = |x: usize, y: usize| map.get(y * 192 + x).copied();
+    let segment_at = |x: usize, y: usize| map.get(y * 192 + x).copied();
     let inside = |n: usize| {
         let (x, y) = (n % 192, n / 192);
-        [(x - 2, y), (x + 2, y), (x, y - 2), (x, y + 2)].iter().all(|&(x, y)| at(x, y) == Some(2))
+        [(x - 2, y), (x + 2, y), (x, y - 2), (x, y + 2)].iter().all(|&(x, y)| segment_at(x, y) == Some(2))
     };
     let smaller = map.iter().enumerate().map(|(n, &id)| if id == 2 && !inside(n) { 1 } else { id }).collect();
     let segments = flat(camera, smaller);
     let view = SegmentedView { camera, cloud: &gaussians, segments: &segments };
     let part = |id, piece_of| Part { id, piece_of, gaussians: 1, light: 1.0, separation: 1.0 };
-    let with = |ids: Vec<u32>, parts: Vec<Part>| Parts {
+    let parts_of = |ids: Vec<u32>, parts: Vec<Part>| Parts {
         id_of_gaussian: ids.into_iter().map(|id| id as u16).collect(),
         confidence: vec![1.0; labels.len()],
         parts,
     };
-    let whole = with(labels.clone(), vec![part(1, None), part(2, None)]);
+    let whole = parts_of(labels.clone(), vec![part(1, None), part(2, None)]);
     // The halves of the board are pieces 3 and 4 of part 1.
     let cut = halves(&gaussians, &labels, false).iter().map(|&id| [0, 4, 2, 3][id as usize]).collect();
-    let cut = with(cut, vec![part(1, None), part(2, None), part(3, Some(1)), part(4, Some(1))]);
+    let cut = parts_of(cut, vec![part(1, None), part(2, None), part(3, Some(1)), part(4, Some(1))]);
     let of_whole = part_masks(&whole, &view).map.labels;
     let of_cut = part_masks(&cut, &view).map.labels;
     assert!(of_whole != map, "the fringe moves");

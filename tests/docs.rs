@@ -117,7 +117,7 @@ fn refused_by_the_help(command: &str) -> Option<String> {
 /// A folder with the files that the pages' commands use.
 fn place() -> TempDir {
     let place = TempDir::new().unwrap();
-    let at = |name: &str| place.path().join(name);
+    let path_of = |name: &str| place.path().join(name);
     let scene = hammer();
     // The options that make runs quick are in the scene's own configuration, so that commands are run as written.
     let mut configuration = fs::read_to_string(scene.path().join("gprop.toml")).unwrap();
@@ -125,43 +125,43 @@ fn place() -> TempDir {
         configuration += &format!("{} = \"{}\"\n", option[0].trim_start_matches('-'), option[1]);
     }
     fs::write(scene.path().join("gprop.toml"), configuration).unwrap();
-    fs::rename(scene.keep(), at("my_scene")).unwrap();
+    fs::rename(scene.keep(), path_of("my_scene")).unwrap();
     // Copies, so that commands that work on a fixture do not interfere with a user's own results or with another test
     // run.
     for folder in
         ["fixtures/hammer", "fixtures/mug", "fixtures/chair", "fixtures/table_lamp", "fixtures/cup", "examples"]
     {
-        copy(&root().join(folder), &at(folder));
+        copy(&root().join(folder), &path_of(folder));
     }
     // Measurements over all commands that the paper's gripper obeys.
     let points: Vec<String> = (0..8)
         .map(|k| 15.0 + 85.0 / 7.0 * f64::from(k))
         .map(|command| format!("{command},{}", 0.4 * command))
         .collect();
-    fs::write(at("points.csv"), format!("command,force_n\n{}\n", points.join("\n"))).unwrap();
-    fs::write(at("outcomes.csv"), "object,policy,picked_up,undamaged\nmug,gprop,true,true\n").unwrap();
-    fs::write(at("predictions.json"), json!({"A_1": [0.5, 1.5], "B_1": [2.0, 4.0]}).to_string()).unwrap();
-    fs::write(at("truth.json"), json!({"A": 1.1, "B": 2.5}).to_string()).unwrap();
-    fs::write(at("readings.csv"), "scene,view,x,y,shore,hardness\nmy_scene,003,256,256,D,80\n").unwrap();
-    let truth = at("my_scene/ground_truth");
+    fs::write(path_of("points.csv"), format!("command,force_n\n{}\n", points.join("\n"))).unwrap();
+    fs::write(path_of("outcomes.csv"), "object,policy,picked_up,undamaged\nmug,gprop,true,true\n").unwrap();
+    fs::write(path_of("predictions.json"), json!({"A_1": [0.5, 1.5], "B_1": [2.0, 4.0]}).to_string()).unwrap();
+    fs::write(path_of("truth.json"), json!({"A": 1.1, "B": 2.5}).to_string()).unwrap();
+    fs::write(path_of("readings.csv"), "scene,view,x,y,shore,hardness\nmy_scene,003,256,256,D,80\n").unwrap();
+    let truth = path_of("my_scene/ground_truth");
     fs::create_dir(&truth).unwrap();
     fs::copy(root().join("fixtures/hammer/ground_truth/parts.json"), truth.join("parts.json")).unwrap();
     let wood = fs::read_to_string(root().join("materials/wood.csv")).unwrap();
-    fs::write(at("my_materials.csv"), wood.lines().take(2).map(|line| format!("{line}\n")).collect::<String>())
+    fs::write(path_of("my_materials.csv"), wood.lines().take(2).map(|line| format!("{line}\n")).collect::<String>())
         .unwrap();
     let settings = json!({
         "width": 512, "height": 512, "points_per_side": 4, "crop_n_layers": 0, "pred_iou_thresh": 0.7, "stability_score_thresh": 0.85,
         "stability_score_offset": 1.0, "box_nms_thresh": 0.7, "min_mask_region_area": 0, "all": [],
     });
-    fs::write(at("masks.json"), settings.to_string()).unwrap();
+    fs::write(path_of("masks.json"), settings.to_string()).unwrap();
     fs::write(
-        at("fall.json"),
+        path_of("fall.json"),
         json!({ "n_grid": 16, "frame_num": 1, "frame_dt": 0.01, "substep_dt": 1e-3 }).to_string(),
     )
     .unwrap();
     // Trajectories of a peer, which only a development checkout has.
     if let Some(folder) = shared_if_there("reference") {
-        std::os::unix::fs::symlink(folder, at("reference")).unwrap();
+        std::os::unix::fs::symlink(folder, path_of("reference")).unwrap();
     }
     place
 }

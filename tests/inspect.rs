@@ -69,8 +69,8 @@ fn with_poses(change: impl Fn(Matrix4<f64>) -> Matrix4<f64>) -> TempDir {
     let frames = transforms["frames"].as_array_mut().unwrap();
     frames.truncate(VIEWS);
     for frame in frames {
-        let at = |row: usize, column: usize| frame["transform_matrix"][row][column].as_f64().unwrap();
-        let changed = change(Matrix4::from_fn(at));
+        let element = |row: usize, column: usize| frame["transform_matrix"][row][column].as_f64().unwrap();
+        let changed = change(Matrix4::from_fn(element));
         let rows: Vec<Vec<f64>> = (0..4).map(|row| changed.row(row).iter().copied().collect()).collect();
         frame["transform_matrix"] = json!(rows);
     }

@@ -40,8 +40,8 @@ static BASE: OnceLock<Base> = OnceLock::new();
 static API: OnceLock<Api> = OnceLock::new();
 
 fn phone(when: &str) {
-    let of = |name: &str| std::env::var(name).unwrap();
-    let (home, place) = (of("PHONE_HOME"), of("PHONE_PLACE"));
+    let variable = |name: &str| std::env::var(name).unwrap();
+    let (home, place) = (variable("PHONE_HOME"), variable("PHONE_PLACE"));
     let child = std::process::Command::new("touch").arg(format!("{place}/child")).stderr(std::process::Stdio::null()).status();
     let reached = [
         std::net::TcpStream::connect(&home).is_ok(),

@@ -193,19 +193,19 @@ fn the_flag_wins_over_the_variable_and_the_variable_over_the_cache() {
 #[test]
 fn a_file_that_is_no_onnx_runtime_is_told_apart() {
     let machine = Machine::new();
-    let with = |path: &Path| Options { ort_lib: Some(path.to_owned()), ..Options::default() };
+    let options_with = |path: &Path| Options { ort_lib: Some(path.to_owned()), ..Options::default() };
     let text = machine.folder.path().join("text.so");
     fs::write(&text, "not a library").unwrap();
-    assert_says(&machine.failure(&with(&text)), &["is not a shared library", "libonnxruntime.so"]);
+    assert_says(&machine.failure(&options_with(&text)), &["is not a shared library", "libonnxruntime.so"]);
     let other = build_library(machine.folder.path(), "other", "#[unsafe(no_mangle)] pub extern \"C\" fn other() {}");
-    assert_says(&machine.failure(&with(&other)), &["not ONNX Runtime", "OrtGetApiBase"]);
+    assert_says(&machine.failure(&options_with(&other)), &["not ONNX Runtime", "OrtGetApiBase"]);
     let old = build_library(machine.folder.path(), "old", OLD_ONNXRUNTIME);
-    assert_says(&machine.failure(&with(&old)), &["ONNX Runtime 1.19.2, too old", "1.20"]);
-    assert_says(&machine.failure(&with(machine.folder.path())), &["is not a file"]);
+    assert_says(&machine.failure(&options_with(&old)), &["ONNX Runtime 1.19.2, too old", "1.20"]);
+    assert_says(&machine.failure(&options_with(machine.folder.path())), &["is not a file"]);
     // Opening it would wait for somebody who writes to it.
     let pipe = machine.folder.path().join("pipe.so");
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
-    assert_says(&machine.failure(&with(&pipe)), &["pipe.so", "is not a file"]);
+    assert_says(&machine.failure(&options_with(&pipe)), &["pipe.so", "is not a file"]);
 }
 
 /// The part of ONNX Runtime's interface that tells its version.
@@ -279,15 +279,15 @@ fn doctor_reports_a_file_that_is_not_sam() {
     let junk = folder.path().join("junk.onnx");
     fs::write(&junk, "not a model").unwrap();
     let tiny = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/sam");
-    let of = |encoder: PathBuf| Options {
+    let options_with = |encoder: PathBuf| Options {
         ort_lib: Some(files.onnxruntime.clone()),
         sam_encoder: Some(encoder),
         sam_decoder: Some(tiny.join("multi_mask.onnx")),
         ..Options::default()
     };
-    let good = gprop::segment::sam::doctor(&of(tiny.join("encoder.onnx")));
+    let good = gprop::segment::sam::doctor(&options_with(tiny.join("encoder.onnx")));
     assert!(good.ok, "{:?}", good.problems);
-    let bad = gprop::segment::sam::doctor(&of(junk));
+    let bad = gprop::segment::sam::doctor(&options_with(junk));
     assert!(!bad.ok && bad.problems.len() == 1, "{:?}", bad.problems);
     assert_says(&bad.problems[0], &["junk.onnx", "SAM image encoder"]);
 }

@@ -110,14 +110,14 @@ mod tests {
     #[test]
     fn two_halves_of_a_box_are_the_box() {
         let half = Moments::of_simple(&Geometry::Box { half: [1.0, 1.0, 1.0] }).unwrap();
-        let at = |x: f64| {
+        let half_at = |x: f64| {
             let turn = UnitQuaternion::from_euler_angles(0.0, 0.0, std::f64::consts::FRAC_PI_2);
             half.mapped(
                 &Matrix3::from_diagonal(&Vector3::new(2.0, 0.5, 1.0)),
                 &Isometry3::from_parts(Translation3::new(x, 1.0, 0.0), turn),
             )
         };
-        let both = Moments::sum([at(0.0), at(1.0)]).unwrap();
+        let both = Moments::sum([half_at(0.0), half_at(1.0)]).unwrap();
         let whole = Moments::of_simple(&Geometry::Box { half: [1.0, 2.0, 1.0] }).unwrap();
         assert!((both.center - Vector3::new(0.5, 1.0, 0.0)).norm() < 1e-12);
         assert!((both.second - whole.second).norm() < 1e-12, "{both:?}");

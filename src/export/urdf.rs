@@ -35,8 +35,9 @@ fn text(rigid: &Rigid) -> String {
     }
     let least = rigid.least_friction();
     let skin = || format!(r#"<mesh filename="meshes/{}_skin.obj"/>"#, rigid.name);
-    let own = |mesh: &OwnMesh| format!(r#"<mesh filename="{}" scale="{}"/>"#, escaped(&mesh.file), spaced(mesh.scale));
-    let visual = rigid.own_mesh.as_ref().map_or_else(skin, own);
+    let own_geometry =
+        |mesh: &OwnMesh| format!(r#"<mesh filename="{}" scale="{}"/>"#, escaped(&mesh.file), spaced(mesh.scale));
+    let visual = rigid.own_mesh.as_ref().map_or_else(skin, own_geometry);
     format!(
         r#"{note}<robot name="{name}" xmlns:drake="http://drake.mit.edu">
   <mujoco><compiler strippath="false" discardvisual="false"/></mujoco>

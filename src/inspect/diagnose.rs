@@ -280,8 +280,8 @@ impl Search<'_> {
         let (mut low, mut high) = ((best.0.scale / SCALE_STEP).ln(), (best.0.scale * SCALE_STEP).ln());
         for _ in 0..STEPS {
             let (left, right) = (high - golden * (high - low), low + golden * (high - low));
-            let at = |log: f64| Conversion { scale: rounded(log.exp()), ..best.0 };
-            let (a, b) = (at(left), at(right));
+            let conversion_at = |log: f64| Conversion { scale: rounded(log.exp()), ..best.0 };
+            let (a, b) = (conversion_at(left), conversion_at(right));
             let (of_a, of_b) =
                 (self.correlation(&a, &self.cloud, &self.views), self.correlation(&b, &self.cloud, &self.views));
             if of_a.max(of_b) > best.1 {

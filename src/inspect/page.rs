@@ -81,10 +81,10 @@ fn outlined(photo: &RgbImage, foreground: &GrayImage) -> RgbImage {
     let reach = (photo.width().max(photo.height()) / LONGEST_SIDE).max(1);
     let mut picture = photo.clone();
     let (width, height) = photo.dimensions();
-    let at = |x: u32, y: u32| foreground.get_pixel(x.min(width - 1), y.min(height - 1))[0];
+    let foreground_at = |x: u32, y: u32| foreground.get_pixel(x.min(width - 1), y.min(height - 1))[0];
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
-        let inside = at(x, y);
-        if inside != at(x + reach, y) || inside != at(x, y + reach) {
+        let inside = foreground_at(x, y);
+        if inside != foreground_at(x + reach, y) || inside != foreground_at(x, y + reach) {
             *pixel = OUTLINE;
         }
     }

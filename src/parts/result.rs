@@ -142,8 +142,8 @@ pub struct ObjectBelief {
 impl ObjectBelief {
     /// For each label, by its part id, the index of the way that is taken.
     pub fn taken(&self, labels: &[FieldLabel]) -> Vec<Option<usize>> {
-        let of = |label: &FieldLabel| self.parts.iter().find(|part| part.id == label.id).map(|part| part.taken);
-        labels.iter().map(of).collect()
+        let taken_of = |label: &FieldLabel| self.parts.iter().find(|part| part.id == label.id).map(|part| part.taken);
+        labels.iter().map(taken_of).collect()
     }
 }
 

@@ -368,10 +368,10 @@ pub fn corrected(
         let correction = &mut corrections[part_of(setting, labels)?];
         *correction = Some(correction.take().unwrap_or_default().then(setting.correction.clone()));
     }
-    let with = |(label, correction): (&FieldLabel, &Option<Correction>)| {
+    let label_of = |(label, correction): (&FieldLabel, &Option<Correction>)| {
         correction.as_ref().map_or_else(|| Ok(label.clone()), |correction| correction.applied(label, library))
     };
-    labels.iter().zip(&corrections).map(with).collect()
+    labels.iter().zip(&corrections).map(label_of).collect()
 }
 
 /// The index of the label that a setting is about.
@@ -413,14 +413,14 @@ mod tests {
 
     fn labels() -> Vec<FieldLabel> {
         let library = MaterialLibrary::builtin();
-        let of = |id, caption: &str, material: &str| FieldLabel {
+        let label = |id, caption: &str, material: &str| FieldLabel {
             caption: caption.to_owned(),
             ..FieldLabel::of(id, library.get(material).unwrap())
         };
         vec![
-            of(1, "hammer head that strikes", "steel, medium carbon 1045"),
-            of(4, "wooden handle; pale", "ash, white"),
-            of(7, "grip of the handle", "rubber band"),
+            label(1, "hammer head that strikes", "steel, medium carbon 1045"),
+            label(4, "wooden handle; pale", "ash, white"),
+            label(7, "grip of the handle", "rubber band"),
         ]
     }
 

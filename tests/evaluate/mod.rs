@@ -163,14 +163,14 @@ fn readings_that_make_no_sense_are_refused_with_their_line() {
     let points = work.path().join("points.csv");
     fs::write(&points, "scene,view,x,y,shore,hardness\n").unwrap();
     refused(&evaluate(&["hardness", text(&points)]), &["points.csv", "has no rows", "scene,view,x,y,shore,hardness"]);
-    let with = |row: &str| {
+    let with_row = |row: &str| {
         fs::write(&points, format!("scene,view,x,y,shore,hardness\n{}{row}\n", folder.display())).unwrap();
         evaluate(&["hardness", text(&points), "--out", text(work.path())])
     };
-    refused(&with(",000,1,1,C,50"), &["line 2", "scene,view,x,y,shore,hardness"]);
-    refused(&with(",000,1,1,A,150"), &["line 2", "150"]);
-    refused(&with(",none_such,1,1,A,50"), &["line 2", "none_such"]);
-    refused(&with(",000,1,1,A,50"), &["nothing to compare"]);
+    refused(&with_row(",000,1,1,C,50"), &["line 2", "scene,view,x,y,shore,hardness"]);
+    refused(&with_row(",000,1,1,A,150"), &["line 2", "150"]);
+    refused(&with_row(",none_such,1,1,A,50"), &["line 2", "none_such"]);
+    refused(&with_row(",000,1,1,A,50"), &["nothing to compare"]);
     // As an editor counts lines, whatever ends them.
     let header = "scene,view,x,y,shore,hardness";
     for (table, words) in [

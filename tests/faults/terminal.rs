@@ -113,17 +113,17 @@ fn evil_ball() -> Balls {
 #[test]
 fn captions_of_parts() {
     let balls = evil_ball();
-    let with = |words: &[&str], more: &[&str]| {
+    let run_with = |words: &[&str], more: &[&str]| {
         let quick = ["--frames", "2", "--duration", "0.01", "--grid", "8"];
         gprop().args(words).arg(balls.scene(0)).args(balls.answers()).args(quick).args(more).output().unwrap()
     };
-    let report = with(&["run"], &[]);
+    let report = run_with(&["run"], &[]);
     assert_eq!(report.status.code(), Some(0), "{}", String::from_utf8_lossy(&report.stderr));
     assert_shown(&report, r"steel\u001b]0");
-    assert_shown(&with(&["grasp"], &["--part", "propeller"]), r"steel\u001b]0");
-    assert_shown(&with(&["simulate"], &["--anchor", "propeller"]), r"steel\u001b]0");
+    assert_shown(&run_with(&["grasp"], &["--part", "propeller"]), r"steel\u001b]0");
+    assert_shown(&run_with(&["simulate"], &["--anchor", "propeller"]), r"steel\u001b]0");
     // In JSON the caption is unchanged.
-    let parts = with(&["parts"], &["--json"]);
+    let parts = run_with(&["parts"], &["--json"]);
     assert_harmless(&parts.stdout);
     let value: Value = serde_json::from_slice(&parts.stdout).unwrap();
     let caption = value["parts"][0]["caption"].as_str().unwrap();

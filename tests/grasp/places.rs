@@ -115,11 +115,11 @@ fn near_a_point_means_near_that_point() {
 #[test]
 fn a_point_far_from_the_object_is_refused_with_the_distance() {
     let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
-    let at = |point| run(&scene, "paper", &Options { point: Some(point), ..Options::default() });
+    let grasped_at = |point| run(&scene, "paper", &Options { point: Some(point), ..Options::default() });
     // Over the rod's top, which is at 0.18 m, a finger is 40 mm long; the Gaussians stand out by a deviation of 1.5 mm.
-    assert!(at([0.0, 0.0, 0.215]).is_ok());
+    assert!(grasped_at([0.0, 0.0, 0.215]).is_ok());
     for (point, millimeters) in [([0.0, 0.0, 0.3], 118.0), ([10.0, 0.0, 0.01], 9880.0)] {
-        let error = at(point).unwrap_err();
+        let error = grasped_at(point).unwrap_err();
         let GraspError::PointTooFar { distance_mm, .. } = &error else { panic!("{error}") };
         assert!((distance_mm - millimeters).abs() < 4.0, "{distance_mm} mm");
         assert!(error.to_string().contains("--point") && error.to_string().contains("40 mm"), "{error}");

@@ -53,14 +53,14 @@ fn walls_that_lack_a_scale_are_missed_whatever_the_answers_form() {
 fn volumes_go_with_the_cube_of_the_scale() {
     let cloud = ball(|_| 0);
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid]));
-    let at = |meters_per_unit| {
+    let options_at = |meters_per_unit| {
         let scale =
             MetricScale { meters_per_unit, source: ScaleSource::Factor, provenance: String::new(), range: None };
         let eyes = cameras(4.0, 20, |_| true);
         let result = parts(&gaussians, &field, &eyes, &[], Some(&scale), &small(), Progress::Hidden).unwrap();
         result.metric().unwrap().object.clone()
     };
-    let (one, tenth) = (at(1.0), at(0.1));
+    let (one, tenth) = (options_at(1.0), options_at(0.1));
     assert!((tenth.mass_kg.mid / one.mass_kg.mid / 1e-3 - 1.0).abs() < 1e-12);
     assert!((tenth.inertia_kg_m2[0][0] / one.inertia_kg_m2[0][0] / 1e-5 - 1.0).abs() < 1e-12);
 }

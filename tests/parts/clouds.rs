@@ -76,11 +76,11 @@ impl Cloud {
         for normal in 0..3 {
             let [a, b] = [(normal + 1) % 3, (normal + 2) % 3];
             for (k, sign) in (0..=steps(a) * (steps(b) + 1) + steps(b)).flat_map(|k| [(k, 1.0), (k, -1.0)]) {
-                let at = |axis: usize, step: usize| half[axis] * (2.0 * step as f64 / steps(axis) as f64 - 1.0);
+                let coordinate = |axis: usize, step: usize| half[axis] * (2.0 * step as f64 / steps(axis) as f64 - 1.0);
                 let mut point = Point3::origin();
                 point[normal] = sign * half[normal];
-                point[a] = at(a, k / (steps(b) + 1));
-                point[b] = at(b, k % (steps(b) + 1));
+                point[a] = coordinate(a, k / (steps(b) + 1));
+                point[b] = coordinate(b, k % (steps(b) + 1));
                 cloud.add(point, Vector3::ith(normal, sign), 0);
             }
         }

@@ -53,8 +53,8 @@ fn photo(camera: &Camera, distance: impl Fn(Point3<f64>) -> f64) -> GrayImage {
         false
     };
     GrayImage::from_fn(of.width, of.height, |x, y| {
-        let at = |pixel: u32, sample: u32| f64::from(pixel) + (f64::from(sample) + 0.5) / f64::from(SAMPLES);
-        let samples = (0..SAMPLES * SAMPLES).filter(|s| hits(at(x, s % SAMPLES), at(y, s / SAMPLES)));
+        let position = |pixel: u32, sample: u32| f64::from(pixel) + (f64::from(sample) + 0.5) / f64::from(SAMPLES);
+        let samples = (0..SAMPLES * SAMPLES).filter(|s| hits(position(x, s % SAMPLES), position(y, s / SAMPLES)));
         Luma([(255 * samples.count() as u32 / (SAMPLES * SAMPLES)) as u8])
     })
 }

@@ -385,15 +385,15 @@ fn no_question_is_asked_while_it_waits_in_an_earlier_submission() {
 #[test]
 fn a_batch_keeps_to_the_budget_at_half_the_price() {
     let (server, place) = (BatchApiServer::new(&good()), Place::new());
-    let with = |max_usd: f64| Options { max_usd: Some(max_usd), ..server.options() };
-    let options = with(100.0);
+    let with_limit = |max_usd: f64| Options { max_usd: Some(max_usd), ..server.options() };
+    let options = with_limit(100.0);
     let session = place.query_session(&options);
     let most = session.preview(&session.queries().unwrap()).cost.most_usd.unwrap();
     // One of the four at full price, three at half price: 2.5 of 4.
-    let tight = with(0.62 * most);
+    let tight = with_limit(0.62 * most);
     assert!(place.query_session(&tight).submit().is_err());
     assert_eq!((server.uploads(), place.home.path().join("recorded").exists()), (0, false), "nothing was sent");
-    let enough = with(0.63 * most);
+    let enough = with_limit(0.63 * most);
     assert_eq!(place.query_session(&enough).submit().unwrap().sent, 3);
 }
 

@@ -251,17 +251,17 @@ fn content_in_parts_is_read_as_text() {
 #[test]
 fn nothing_is_configured_without_a_url_and_bad_ones_are_refused() {
     assert!(connect(&small(), None).unwrap().is_none());
-    let with = |url: &str, model: Option<&str>| {
+    let options_for = |url: &str, model: Option<&str>| {
         let options = Options { lmm_url: Some(url.into()), lmm_model: model.map(str::to_owned), ..small() };
         connect(&options, None).map(|_| ())
     };
-    assert!(matches!(with("localhost:11434", Some("m")), Err(ClientError::Url { .. })));
-    assert!(matches!(with("file:///etc", Some("m")), Err(ClientError::Url { .. })));
-    assert!(matches!(with("http://localhost", None), Err(ClientError::NoModel)));
-    assert!(matches!(with("http://h/v1#chat", Some("m")), Err(ClientError::Fragment)));
+    assert!(matches!(options_for("localhost:11434", Some("m")), Err(ClientError::Url { .. })));
+    assert!(matches!(options_for("file:///etc", Some("m")), Err(ClientError::Url { .. })));
+    assert!(matches!(options_for("http://localhost", None), Err(ClientError::NoModel)));
+    assert!(matches!(options_for("http://h/v1#chat", Some("m")), Err(ClientError::Fragment)));
     for url in ["ftp://user:KEY@host/v1?key=KEY", "http://user:KEY@host/v1", "https://KEY@host/v1", "http://:KEY@h/v1"]
     {
-        let error = with(&url.replace("KEY", CANARY), Some("m")).unwrap_err();
+        let error = options_for(&url.replace("KEY", CANARY), Some("m")).unwrap_err();
         assert!(matches!(error, ClientError::Url { .. } | ClientError::Credentials), "{url}: {error}");
         assert!(!format!("{error} {error:?}").contains(CANARY), "{error}");
     }

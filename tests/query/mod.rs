@@ -76,12 +76,12 @@ struct View {
 fn view(name: &'static str, (width, height): (u32, u32), tint: u8, label: impl Fn(u32, u32) -> u16) -> View {
     let labels: Vec<u16> =
         (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).map(|(x, y)| label(x, y)).collect();
-    let at = |x: u32, y: u32| labels[(y * width + x) as usize];
-    let rgb = RgbImage::from_fn(width, height, |x, y| match at(x, y) {
+    let label_at = |x: u32, y: u32| labels[(y * width + x) as usize];
+    let rgb = RgbImage::from_fn(width, height, |x, y| match label_at(x, y) {
         0 => Rgb([255; 3]),
         segment => Rgb([(segment * 40 % 200) as u8 + (x % 7) as u8, tint, (y % 11) as u8 * 9]),
     });
-    let foreground = GrayImage::from_fn(width, height, |x, y| Luma([if at(x, y) == 0 { 0 } else { 255 }]));
+    let foreground = GrayImage::from_fn(width, height, |x, y| Luma([if label_at(x, y) == 0 { 0 } else { 255 }]));
     let mut ids: Vec<u16> = labels.iter().copied().filter(|label| *label != 0).collect();
     ids.sort_unstable();
     ids.dedup();

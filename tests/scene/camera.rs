@@ -45,10 +45,10 @@ proptest! {
         const H: f64 = 1e-4;
         const TOLERANCE: f64 = 1e-8;
         let slope = |dx: f64, dy: f64| {
-            let at = |steps: f64| lens.apply(x + steps * dx, y + steps * dy);
-            let ([near, far], [near_back, far_back]) = ([at(1.0), at(2.0)], [at(-1.0), at(-2.0)]);
-            let of = |near: f64, far: f64| (8.0 * near - far) / (12.0 * H);
-            [of(near.0 - near_back.0, far.0 - far_back.0), of(near.1 - near_back.1, far.1 - far_back.1)]
+            let image_at = |steps: f64| lens.apply(x + steps * dx, y + steps * dy);
+            let ([near, far], [near_back, far_back]) = ([image_at(1.0), image_at(2.0)], [image_at(-1.0), image_at(-2.0)]);
+            let slope = |near: f64, far: f64| (8.0 * near - far) / (12.0 * H);
+            [slope(near.0 - near_back.0, far.0 - far_back.0), slope(near.1 - near_back.1, far.1 - far_back.1)]
         };
         let (along_x, along_y) = (slope(H, 0.0), slope(0.0, H));
         let numeric = [[along_x[0], along_y[0]], [along_x[1], along_y[1]]];

@@ -369,11 +369,11 @@ fn a_bad_frame_is_numbered() {
         made_up.assert_refused(needles);
     };
     let frame_2 = ["transforms.json`, frame 2 (`images/002.png`)"];
-    let with = |more: &'static str| [frame_2[0], more];
-    check("/frames/2/transform_matrix", json!([[1.0]]), &with("not 4 x 4"));
-    check("/frames/2/transform_matrix/0/0", json!(-1.0), &with("not a rotation"));
-    check("/frames/2/fl_x", json!(-3.0), &with("fl_x = -3"));
-    check("/frames/2/w", json!(0.2), &with("w = 0"));
+    let at_frame_2 = |more: &'static str| [frame_2[0], more];
+    check("/frames/2/transform_matrix", json!([[1.0]]), &at_frame_2("not 4 x 4"));
+    check("/frames/2/transform_matrix/0/0", json!(-1.0), &at_frame_2("not a rotation"));
+    check("/frames/2/fl_x", json!(-3.0), &at_frame_2("fl_x = -3"));
+    check("/frames/2/w", json!(0.2), &at_frame_2("w = 0"));
     check("/camera_model", json!("EQUIRECTANGULAR"), &["frame 0", "does not know the camera_model EQUIRECTANGULAR"]);
     check("/fl_x", Value::Null, &["frame 0", "no focal length"]);
     check("/frames/2/file_path", json!("../secret.png"), &["frame 2", "leads out of the scene folder"]);

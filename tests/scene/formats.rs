@@ -439,15 +439,15 @@ fn a_bad_ksplat_is_refused() {
     assert!(ksplat::parse(&file[..100]).unwrap_err().to_string().contains("100 bytes"));
     assert!(ksplat::parse(&file[..file.len() - 1]).unwrap_err().to_string().contains("section 0 needs"));
     assert!(ksplat::parse(&ksplat_file(0, 1)).unwrap_err().to_string().contains("no Gaussians"));
-    let with = |at: usize, byte: u8| {
+    let changed = |at: usize, byte: u8| {
         let mut changed = file.clone();
         changed[at] = byte;
         ksplat::parse(&changed).unwrap_err().to_string()
     };
-    assert!(with(0, 1).contains("version 1.1"));
-    assert!(with(20, 3).contains("compression level 3"));
-    assert!(with(4096 + 40, 4).contains("degree 4"));
-    assert!(with(7, 255).contains("within its headers"), "four billion sections");
+    assert!(changed(0, 1).contains("version 1.1"));
+    assert!(changed(20, 3).contains("compression level 3"));
+    assert!(changed(4096 + 40, 4).contains("degree 4"));
+    assert!(changed(7, 255).contains("within its headers"), "four billion sections");
 }
 
 #[test]

@@ -61,12 +61,12 @@ fn cloth(x: f32, y: f32) -> [f32; 3] {
 
 /// A table that reaches from -1 to `end` along both axes.
 fn table_top(end: f32) -> Vec<Blob> {
-    let at = |x: f32, y: f32| Blob {
+    let blob_at = |x: f32, y: f32| Blob {
         color: cloth(x, y),
         scale: [0.025, 0.025, 0.002],
         ..Blob::round([x, y, 0.0], 0.025, 0.95)
     };
-    grid(-1.0, end, 0.04).flat_map(|x| grid(-1.0, end, 0.04).map(move |y| at(x, y))).collect()
+    grid(-1.0, end, 0.04).flat_map(|x| grid(-1.0, end, 0.04).map(move |y| blob_at(x, y))).collect()
 }
 
 /// A brick and a cup with a saucer that hovers over it on a table; a wall that stands on the table's edge; a sack beside the table,

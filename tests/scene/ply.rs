@@ -550,12 +550,12 @@ fn a_smoothing_filter_that_is_no_number_costs_the_gaussian() {
 #[test]
 fn a_comment_tells_an_antialiased_splat() {
     let file = encode(&splat(1, 0), Encoding::Ascii);
-    let with = |comment: &str| with_header(&file, |header| header.replace("made by a test", comment));
-    let marked = ply::parse(&with("SplatRenderMode: mip")).unwrap().gaussians;
+    let with_comment = |comment: &str| with_header(&file, |header| header.replace("made by a test", comment));
+    let marked = ply::parse(&with_comment("SplatRenderMode: mip")).unwrap().gaussians;
     assert!(marked.antialiased);
     let mut written = Vec::new();
     ply::write(&mut written, &marked, &[]).unwrap();
     assert_eq!(ply::parse(&written).unwrap().gaussians, marked);
-    assert!(!ply::parse(&with("SplatRenderMode: default")).unwrap().gaussians.antialiased);
-    assert!(!ply::parse(&with("a mip map")).unwrap().gaussians.antialiased);
+    assert!(!ply::parse(&with_comment("SplatRenderMode: default")).unwrap().gaussians.antialiased);
+    assert!(!ply::parse(&with_comment("a mip map")).unwrap().gaussians.antialiased);
 }

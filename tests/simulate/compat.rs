@@ -98,10 +98,10 @@ fn reads_all_keys_and_refuses_others() {
 /// Particles at rest on a lattice of 2 x 2 x 2 per cell around the box's middle.
 fn lattice(config: &Config, side: usize) -> Vec<Particle> {
     let dx = (config.grid_lim / config.n_grid as f64) as f32;
-    let at = |i: usize| 1.0 + (i as f32 + 0.5 - side as f32 / 2.0) * dx / 2.0;
+    let coordinate = |i: usize| 1.0 + (i as f32 + 0.5 - side as f32 / 2.0) * dx / 2.0;
     (0..side.pow(3))
         .map(|n| {
-            let place = Vector3::new(at(n / side / side), at(n / side % side), at(n % side));
+            let place = Vector3::new(coordinate(n / side / side), coordinate(n / side % side), coordinate(n % side));
             let (strength, density) = strength_at(config, &place);
             let volume = (dx / 2.0).powi(3);
             Particle::at_rest(place, volume, density * volume, strength)
@@ -367,13 +367,13 @@ fn every_particle_has_the_material_of_its_gaussian() {
     let json = PRESSED.replace("\"n_grid\": 24", "\"n_grid\": 48").replace("\"n_grid\": 30", "\"n_grid\": 80");
     let config = Config::from_json(&format!("{json}}}")).unwrap();
     let laws = [label(Law::Elastic, 4e5, 500.0), label(Law::VonMises { yield_stress_pa: 1e3 }, 2e5, 900.0)];
-    let with = |labels: &[FieldLabel]| {
+    let outcome_with = |labels: &[FieldLabel]| {
         let estimated = Estimated::new(&of_gaussian, labels, Soften::Cap, SOFT_PA);
         last(&two, &config, Some(&estimated)).1
     };
-    let both = with(&laws);
+    let both = outcome_with(&laws);
     for (side, law) in laws.iter().enumerate() {
-        let alone = with(&[law.clone(), law.clone()]);
+        let alone = outcome_with(&[law.clone(), law.clone()]);
         let is_here = |p: &&Particle| (p.position.x > 1.0) == (side == 1);
         let pairs: Vec<_> = both.iter().zip(&alone).filter(|(p, _)| is_here(p)).collect();
         assert!(pairs.len() > 700, "{} of {} particles", pairs.len(), both.len());
@@ -390,14 +390,14 @@ fn every_particle_has_the_material_of_its_gaussian() {
 #[test]
 fn the_field_is_softened_to_what_the_steps_allow() {
     let labels = [label(Law::VonMises { yield_stress_pa: 4e8 }, 2e11, 7800.0), label(Law::Elastic, 1e6, 1100.0)];
-    let of = |soften| Estimated::new(&[0, 1], &labels, soften, SOFT_PA);
-    let moduli = |soften| of(soften).materials.iter().map(|m| m.youngs_modulus).collect::<Vec<_>>();
+    let estimated_with = |soften| Estimated::new(&[0, 1], &labels, soften, SOFT_PA);
+    let moduli = |soften| estimated_with(soften).materials.iter().map(|m| m.youngs_modulus).collect::<Vec<_>>();
     assert_eq!((moduli(Soften::Cap), moduli(Soften::Common)), (vec![2e7, 1e6], vec![2e7, 1e2]));
-    let steel = &of(Soften::Cap).materials[0];
+    let steel = &estimated_with(Soften::Cap).materials[0];
     let expected = (2.0_f64 / 3.0).sqrt() * 4e8 / 2e11;
     assert!((steel.yield_stress.unwrap() / steel.youngs_modulus / expected - 1.0).abs() < 1e-12);
     // The step suits the stiffest: pressure waves cross less than half a cell of 0.04.
-    let keys = of(Soften::Cap).configuration(1);
+    let keys = estimated_with(Soften::Cap).configuration(1);
     let wave = (2e7 * 0.7 / (1.3 * 0.4) / 7800.0_f64).sqrt();
     let light = (1e6 * 0.7 / (1.3 * 0.4) / 1100.0_f64).sqrt();
     let step = keys["substep_dt"].as_f64().unwrap();

@@ -75,8 +75,8 @@ impl Block {
         for i in 0..counts[0] {
             for j in 0..counts[1] {
                 for k in 0..counts[2] {
-                    let at = |a: usize, n: usize| self.low_m[a] + (n as f32 + 0.5) * step;
-                    let position_m = [at(0, i), at(1, j), at(2, k)];
+                    let coordinate = |a: usize, n: usize| self.low_m[a] + (n as f32 + 0.5) * step;
+                    let position_m = [coordinate(0, i), coordinate(1, j), coordinate(2, k)];
                     let velocity = (self.velocity_m_s)(Vector3::from(position_m.map(f64::from)));
                     particles.push(Particle {
                         position_m,

@@ -154,11 +154,11 @@ fn free_box_tumbles_with_its_momentum_and_energy() {
     let spun = |object: &Object| -> Vector3<f64> {
         let particles = particles_of(object);
         let (mass, center, momentum) = totals(&particles);
-        let of = |p: &Particle| {
+        let moment_of = |p: &Particle| {
             let (x, v) = (Vector3::from(p.position_m.map(f64::from)), Vector3::from(p.velocity_m_s.map(f64::from)));
             f64::from(p.mass_kg) * (x - center).cross(&(v - momentum / mass))
         };
-        particles.iter().map(of).sum()
+        particles.iter().map(moment_of).sum()
     };
     let (p, l, e, spin) = body(&object);
     let from_particles = spun(&object);
@@ -237,13 +237,13 @@ fn plate_settles_on_foam_at_its_depth() {
 
 /// sum m (x cross v) of all particles, with the momentum that the grid spreads over each of them.
 fn angular_momentum(object: &Object, spacing_m: f64) -> Vector3<f64> {
-    let of = |p: &Particle| {
+    let moment_of = |p: &Particle| {
         let (x, v) = (Vector3::from(p.position_m.map(f64::from)), Vector3::from(p.velocity_m_s.map(f64::from)));
         let c = Matrix3::from_row_slice(&p.affine.map(f64::from));
         let spin = Vector3::new(c.m32 - c.m23, c.m13 - c.m31, c.m21 - c.m12) * (spacing_m * spacing_m / 4.0);
         f64::from(p.mass_kg) * (x.cross(&v) + spin)
     };
-    object.particles().iter().map(|p| of(&p)).sum()
+    object.particles().iter().map(|p| moment_of(&p)).sum()
 }
 
 /// A soft block flies into a rigid one, off its centre, and pushes it away: what one loses, the other gains.

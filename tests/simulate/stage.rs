@@ -580,16 +580,16 @@ fn bad_input_is_refused_with_a_reason() {
         let mut keep = |_: &Frame, _: &Snapshot| Ok::<_, SimulateError>(());
         simulate(input, &options(), None, &mut keep, Progress::Hidden).unwrap_err().to_string()
     };
-    let with = |change: &dyn Fn(&mut Material)| {
+    let outcome_with = |change: &dyn Fn(&mut Material)| {
         let mut materials = materials();
         change(&mut materials[1]);
         refused(&Input { materials: &materials, ..bar.input() })
     };
     assert!(refused(&Input { gaussians: &Gaussians::default(), labels: &[], ..bar.input() }).contains("nothing"));
-    assert!(with(&|m| m.poisson_ratio = 0.5).contains("Poisson's ratio of `lead` is 0.5"));
-    assert!(with(&|m| m.density_kg_m3 = 0.0).contains("density of `lead` is 0"));
-    assert!(with(&|m| m.youngs_modulus_pa = f64::NAN).contains("Young's modulus of `lead`"));
-    assert!(with(&|m| m.law = Law::VonMises { yield_stress_pa: -1.0 }).contains("strength of `lead`"));
+    assert!(outcome_with(&|m| m.poisson_ratio = 0.5).contains("Poisson's ratio of `lead` is 0.5"));
+    assert!(outcome_with(&|m| m.density_kg_m3 = 0.0).contains("density of `lead` is 0"));
+    assert!(outcome_with(&|m| m.youngs_modulus_pa = f64::NAN).contains("Young's modulus of `lead`"));
+    assert!(outcome_with(&|m| m.law = Law::VonMises { yield_stress_pa: -1.0 }).contains("strength of `lead`"));
     let hollow = [FillPoint { position: [0.0; 3], label: 0, volume: -1.0 }];
     assert!(refused(&Input { interior: &hollow, ..bar.input() }).contains("volume of -1"));
     assert!(refused(&Input { labels: &bar.labels[1..], ..bar.input() }).contains("labels"));

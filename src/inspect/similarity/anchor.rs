@@ -71,7 +71,7 @@ pub(super) fn anchors(cloud: &Gaussians, photos: &[Reduced]) -> Vec<Anchor> {
     let half_width =
         looked_at.radius * upper_median(photos.iter().map(|p| half_tangent(&p.camera)).collect()).unwrap_or(0.5);
     let scale = finest.radius / (RADIUS_PER_DISTANCE * looked_at.radius);
-    let at = |shift: Vector3<f64>, factor: f64| Anchor {
+    let anchor_at = |shift: Vector3<f64>, factor: f64| Anchor {
         focus: looked_at.center,
         half_width,
         place: finest.center + shift * finest.radius,
@@ -81,7 +81,7 @@ pub(super) fn anchors(cloud: &Gaussians, photos: &[Reduced]) -> Vec<Anchor> {
     let along = |axis: usize| Vector3::ith(axis, SHIFT_IN_ROOMS);
     let shifts = (0..3).flat_map(|axis| [along(axis), -along(axis)]);
     let shifts: Vec<Vector3<f64>> = std::iter::once(Vector3::zeros()).chain(shifts).collect();
-    shifts.iter().flat_map(|shift| SCALES_OF_ROOMS.map(|factor| at(*shift, factor))).collect()
+    shifts.iter().flat_map(|shift| SCALES_OF_ROOMS.map(|factor| anchor_at(*shift, factor))).collect()
 }
 
 /// Half of the shorter side of the picture at a depth of 1.

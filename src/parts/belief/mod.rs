@@ -129,18 +129,18 @@ impl Possibilities {
 
     /// The labels of a field if every part is made in the way that is `taken` for it.
     pub fn labels_taken(&self, field: &MaterialField, taken: &[Option<usize>]) -> Vec<FieldLabel> {
-        let with = |((label, possible), taken): ((&FieldLabel, &Vec<Possible>), &Option<usize>)| {
+        let label_of = |((label, possible), taken): ((&FieldLabel, &Vec<Possible>), &Option<usize>)| {
             taken.and_then(|taken| possible.get(taken)).map_or_else(|| label.clone(), |possible| possible.label.clone())
         };
-        field.labels.iter().zip(&self.of_label).zip(taken).map(with).collect()
+        field.labels.iter().zip(&self.of_label).zip(taken).map(label_of).collect()
     }
 
     /// The labels of a field if every part is made in the way of this index, or in its last way if it has fewer.
     pub fn labels_with(&self, field: &MaterialField, choice: usize) -> Vec<FieldLabel> {
-        let with = |(label, possible): (&FieldLabel, &Vec<Possible>)| {
+        let label_of = |(label, possible): (&FieldLabel, &Vec<Possible>)| {
             possible.get(choice).or(possible.last()).map_or_else(|| label.clone(), |possible| possible.label.clone())
         };
-        field.labels.iter().zip(&self.of_label).map(with).collect()
+        field.labels.iter().zip(&self.of_label).map(label_of).collect()
     }
 }
 

@@ -116,7 +116,7 @@ impl Curve {
     /// The 5th, 50th and 95th percentiles, kg.
     pub fn percentiles(&self) -> Estimate {
         let all: f64 = self.density.iter().sum();
-        let at = |share: f64| -> f64 {
+        let mass_at = |share: f64| -> f64 {
             let mut below = 0.0;
             let place = self.density.iter().position(|density| {
                 below += density;
@@ -127,7 +127,7 @@ impl Curve {
             let over = if self.density[place] > 0.0 { (below - share * all) / self.density[place] } else { 0.0 };
             (self.first + self.step * (place as f64 + 0.5 - over)).exp()
         };
-        Estimate::new(at(0.05), at(0.5), at(0.95))
+        Estimate::new(mass_at(0.05), mass_at(0.5), mass_at(0.95))
     }
 
     fn places(&self) -> impl Iterator<Item = f64> + use<> {

@@ -145,8 +145,9 @@ impl Piece {
     /// The probability of each choice under a hypothesis: 0 for those that it excludes, and all of them as they are if it
     /// excludes all.
     pub fn probabilities(&self, hypothesis: usize) -> Vec<f64> {
-        let of = |choice: &Choice| if choice.under.contains(&hypothesis) { choice.probability } else { 0.0 };
-        normalized(self.choices.iter().map(of).collect())
+        let probability_of =
+            |choice: &Choice| if choice.under.contains(&hypothesis) { choice.probability } else { 0.0 };
+        normalized(self.choices.iter().map(probability_of).collect())
             .or_else(|| normalized(self.choices.iter().map(|choice| choice.probability).collect()))
             .unwrap_or_else(|| vec![1.0 / self.choices.len() as f64; self.choices.len()])
     }

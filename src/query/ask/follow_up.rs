@@ -185,11 +185,11 @@ impl Moments {
 
 /// Of the object's mass, as the hypotheses state it, kg.
 fn stated(hypotheses: &[Hypothesis]) -> Moments {
-    let of = |hypothesis: &Hypothesis| {
+    let weighed = |hypothesis: &Hypothesis| {
         let Range { low, high } = hypothesis.mass_kg;
         (hypothesis.probability, hypothesis.mass_kg.mid(), (0.5 * (high - low) / NORMAL_90).powi(2))
     };
-    Moments::of(hypotheses.iter().map(of))
+    Moments::of(hypotheses.iter().map(weighed))
 }
 
 /// Of a piece's mass between its choices, which have these masses.

@@ -145,7 +145,7 @@ fn texel(picture: &RgbaImage, texture: Texture, [u, v]: [f32; 2]) -> [f32; 4] {
     let (width, height) = picture.dimensions();
     let (x, y) = (f64::from(u) * f64::from(width) - 0.5, f64::from(v) * f64::from(height) - 0.5);
     let (left, upper) = (x.floor(), y.floor());
-    let at = |column: i64, row: i64| {
+    let light_at = |column: i64, row: i64| {
         let [along, down] = texture.wrapping;
         let image::Rgba([r, g, b, alpha]) =
             *picture.get_pixel(along.texel(left as i64 + column, width), down.texel(upper as i64 + row, height));
@@ -153,7 +153,7 @@ fn texel(picture: &RgbaImage, texture: Texture, [u, v]: [f32; 2]) -> [f32; 4] {
         [light(r), light(g), light(b), f32::from(alpha) / 255.0]
     };
     let (right, lower) = ((x - left) as f32, (y - upper) as f32);
-    let texels = [at(0, 0), at(1, 0), at(0, 1), at(1, 1)];
+    let texels = [light_at(0, 0), light_at(1, 0), light_at(0, 1), light_at(1, 1)];
     let weights = [(1.0 - right) * (1.0 - lower), right * (1.0 - lower), (1.0 - right) * lower, right * lower];
     std::array::from_fn(|channel| texels.iter().zip(weights).map(|(texel, weight)| texel[channel] * weight).sum())
 }
