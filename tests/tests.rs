@@ -64,7 +64,7 @@ mod extending;
 mod usage;
 // The crate as a library: results, errors, shared work folders.
 mod library;
-// The layout of the source: no import cycles, one style of module files.
+// The layout of the source: which way imports go.
 mod structure;
 // The whole program: runs, reruns, kills, bad input, exit codes.
 mod run;

@@ -15,12 +15,12 @@ use crate::words::output;
 
 use super::preset::Preset;
 
-/// The options of all stages.
+/// The options of all stages. In a library, `preset` changes nothing, because the command line is what applies it; begin
+/// with [`Preset::options`] instead.
 #[derive(Debug, Clone, Default, Serialize, clap::Args)]
 #[non_exhaustive]
 pub struct Options {
     /// Set of defaults; other options override it
-    // Set by the command line, which has applied it. For a library, see `Preset::options`.
     #[arg(long, value_enum, default_value_t = Preset::default(), help_heading = "Presets")]
     pub preset: Preset,
     #[command(flatten)]
