@@ -277,15 +277,16 @@ fn every_option_on_the_pages_is_taken_with_its_value() {
                     .collect();
                 let candidates = if named.is_empty() { having } else { named };
                 checked += 1;
-                let is_taken = candidates.iter().any(|(words, argument)| match argument.get_action().takes_values() {
-                    false => true,
-                    true => {
+                let is_taken = candidates.iter().any(|(words, argument)| {
+                    if argument.get_action().takes_values() {
                         let samples = samples(argument, shown.as_deref(), file, folder);
                         let given = |value: &String| taken(words, &format!("--{flag}={value}"));
                         // Each of the alternatives that the page shows must be accepted; of samples, one is enough.
                         let all = shown.as_ref().is_some_and(|text| text.contains('|'))
                             && !samples.contains(&file.to_owned());
                         if all { samples.iter().all(given) } else { samples.iter().any(given) }
+                    } else {
+                        true
                     }
                 });
                 if !is_taken {

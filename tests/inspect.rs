@@ -477,9 +477,10 @@ pub fn as_gsplat(cameras: &[Isometry3<f64>], points: &[Point3<f64>]) -> Similari
     let second: Vec<Vector3<f64>> = first.iter().map(|point| axes.transpose() * (point - center)).collect();
     let heights: Vec<f64> = second.iter().map(|point| point.z).collect();
     let mean_height = heights.iter().sum::<f64>() / heights.len() as f64;
-    let half_turn = match median(heights).unwrap() > mean_height {
-        true => Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0)),
-        false => Matrix3::identity(),
+    let half_turn = if median(heights).unwrap() > mean_height {
+        Matrix3::from_diagonal(&Vector3::new(1.0, -1.0, -1.0))
+    } else {
+        Matrix3::identity()
     };
     let turn = half_turn * axes.transpose();
     let rotation = UnitQuaternion::from_matrix(&(turn * align));

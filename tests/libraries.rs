@@ -197,9 +197,12 @@ impl Watched {
 
     /// Calls that change files outside these folders.
     fn writes_outside(&self, folders: &[&Path]) -> Vec<&str> {
-        let changes = |call: &&str| match call.contains("open") {
-            true => ["O_WRONLY", "O_RDWR", "O_CREAT"].iter().any(|flag| call.contains(flag)),
-            false => call.contains("(\"") || call.contains("(AT_FDCWD"),
+        let changes = |call: &&str| {
+            if call.contains("open") {
+                ["O_WRONLY", "O_RDWR", "O_CREAT"].iter().any(|flag| call.contains(flag))
+            } else {
+                call.contains("(\"") || call.contains("(AT_FDCWD")
+            }
         };
         let is_outside = |call: &&str| {
             let path = call.split('"').nth(1).unwrap_or_default();

@@ -37,7 +37,11 @@ fn results_do_what_they_need() {
     let mut options = options(&balls);
     // Small enough for the gripper.
     options.scene.scale = "0.3".parse().unwrap();
-    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options).without_simulation().open().unwrap();
+    let mut pipeline = Pipeline::builder(balls.scene(0))
+        .options(options)
+        .plan(Plan::to(Stage::Report).without(Stage::Simulate))
+        .open()
+        .unwrap();
     let work = balls.scene(0).join("gprop");
     assert_eq!(pipeline.segments().unwrap().views.len(), 3);
     assert!(!work.join("answers.jsonl").exists(), "only what was asked for");
@@ -331,7 +335,11 @@ fn a_grasp_that_failed_says_why_after_a_run_too() {
     let balls = Balls::new(1);
     // The ball is wider than the gripper opens.
     let options = options(&balls);
-    let mut pipeline = Pipeline::builder(balls.scene(0)).options(options).without_simulation().open().unwrap();
+    let mut pipeline = Pipeline::builder(balls.scene(0))
+        .options(options)
+        .plan(Plan::to(Stage::Report).without(Stage::Simulate))
+        .open()
+        .unwrap();
     pipeline.parts().unwrap();
     pipeline.run().unwrap();
     assert!(balls.scene(0).join("gprop/report.html").exists(), "the run goes on to the report");

@@ -225,7 +225,7 @@ impl<'a> Questions<'a> {
 
     /// Applies `work` to the questions of a scene that is segmented.
     fn with_session<T>(&self, scene: &Selected, work: impl FnOnce(&QuerySession, &Queries) -> Result<T>) -> Result<T> {
-        let plan = Plan { to: Stage::Consensus, from: None };
+        let plan = Plan::to(Stage::Consensus);
         let options = (self.options_of)(&scene.folder)?;
         let builder = Pipeline::builder(&scene.folder).options(options).plan(plan);
         let builder = match scene.named_work() {

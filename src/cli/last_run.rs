@@ -90,7 +90,7 @@ pub fn flags(
     let path = root.join(Artifact::Run.path());
     let typed = super::stage_flags(matches);
     let mut flags = Vec::new();
-    for text in pipeline::flags_of_last_run(&root, Plan { to, from: None }) {
+    for text in pipeline::flags_of_last_run(&root, Plan::to(to)) {
         let Some((flag, value)) = parsed(&text, known) else { continue };
         if is_replaced(&flag.name, OsStr::new(&text), &typed) {
             continue;

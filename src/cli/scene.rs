@@ -155,8 +155,8 @@ pub struct Exported {
 /// Exports one object with these options.
 pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Result<Exported> {
     let formats = formats(args)?;
-    let plan = Plan { to: Stage::Parts, from: None };
-    let mut pipeline = open_with(global, &args.scene, args.work.as_deref(), options, plan, true)?;
+    let plan = Plan::to(Stage::Parts);
+    let mut pipeline = builder_with(global, &args.scene, args.work.as_deref(), options, plan).open()?;
     pipeline.run()?;
     let wanted = ExportOptions { formats, colliders: args.colliders, samples: args.samples as usize };
     let files = export::export(&mut pipeline, &wanted, &args.out)?;
@@ -173,24 +173,12 @@ pub fn print_files(global: &Global, files: &[PathBuf]) -> Result<()> {
 
 /// Opens a scene to do the stages up to one, with or without the simulation.
 pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> Result<Pipeline> {
-    open_with(global, folder, work.out.as_deref(), &work.options, plan(work, to)?, simulates)
+    Ok(builder_with(global, folder, work.out.as_deref(), &work.options, plan(work, to, simulates)?).open()?)
 }
 
 /// Opens a scene later, to do the stages up to one.
 pub fn builder(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> Result<Builder> {
-    Ok(builder_with(global, folder, work.out.as_deref(), &work.options, plan(work, to)?))
-}
-
-fn open_with(
-    global: &Global,
-    folder: &Path,
-    out: Option<&Path>,
-    options: &Options,
-    plan: Plan,
-    simulates: bool,
-) -> Result<Pipeline> {
-    let builder = builder_with(global, folder, out, options, plan);
-    if simulates { builder.open() } else { builder.without_simulation().open() }
+    Ok(builder_with(global, folder, work.out.as_deref(), &work.options, plan(work, to, true)?))
 }
 
 fn builder_with(global: &Global, folder: &Path, out: Option<&Path>, options: &Options, plan: Plan) -> Builder {
@@ -206,9 +194,10 @@ fn builder_with(global: &Global, folder: &Path, out: Option<&Path>, options: &Op
     builder.command_line(command_line)
 }
 
-fn plan(work: &WorkArgs, to: Stage) -> Result<Plan, UsageError> {
+fn plan(work: &WorkArgs, to: Stage, simulates: bool) -> Result<Plan, UsageError> {
     check_from(work.from, to)?;
-    Ok(Plan { to, from: work.from })
+    let plan = work.from.map_or(Plan::to(to), |from| Plan::to(to).from(from));
+    Ok(if simulates { plan } else { plan.without(Stage::Simulate) })
 }
 
 /// Refuses a first stage that comes after the last.
@@ -227,8 +216,7 @@ pub fn dry_run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simul
         stages.iter().map(|&name| DryStage { name, reusable: reusable.contains(&name) }).collect()
     };
     if is_untouched(folder, work.out.as_deref(), &work.options)? {
-        let stages: Vec<Stage> =
-            plan(work, to)?.stages().filter(|stage| simulates || *stage != Stage::Simulate).collect();
+        let stages: Vec<Stage> = plan(work, to, simulates)?.stages().collect();
         return Ok(DryRun { stages: listed(&stages, &[]), queries: None, to });
     }
     let pipeline = open(global, folder, work, to, simulates)?;

@@ -3,12 +3,13 @@
 //! Under a printed pattern the shortest axes of Gaussians are noisy, as a trainer also shapes Gaussians to fit the
 //! print; their centres still lie on the surface.
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 use rayon::prelude::*;
 
 use super::linkage::{Border, NONE};
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
+use crate::numeric::scatter;
 
 /// A plane goes through up to [`MOST`] Gaussians of the same piece, found among this many nearest ones.
 const OF_NEAREST: usize = 48;
@@ -91,8 +92,7 @@ impl Plane {
         if points.len() < LEAST {
             return None;
         }
-        let mean = points.iter().sum::<Vector3<f64>>() / points.len() as f64;
-        let spread: Matrix3<f64> = points.iter().map(|point| (point - mean) * (point - mean).transpose()).sum();
+        let (mean, spread) = scatter(points.iter());
         let eigen = spread.symmetric_eigen();
         let normal: Vector3<f64> = eigen.eigenvectors.column(eigen.eigenvalues.imin()).into();
         Some(Self { mean, normal: if normal.dot(toward_views) < 0.0 { -normal } else { normal } })

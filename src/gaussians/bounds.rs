@@ -4,6 +4,7 @@ use nalgebra::{Matrix3, Point3, Vector3};
 use rayon::prelude::*;
 
 use crate::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
+use crate::numeric::scatter;
 
 /// An axis-aligned box in the world frame, scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,8 +57,7 @@ pub fn least_box(gaussians: &Gaussians) -> [f64; 3] {
     let near = robust_bounds(gaussians);
     let is_near = |center: &Vector3<f64>| *center >= near.min.coords && *center <= near.max.coords;
     let core: Vec<Vector3<f64>> = chosen.iter().map(center).filter(is_near).collect();
-    let mean = core.iter().sum::<Vector3<f64>>() / core.len().max(1) as f64;
-    let spread: Matrix3<f64> = core.iter().map(|center| (center - mean) * (center - mean).transpose()).sum();
+    let (_, spread) = scatter(core.iter());
     let boxes = [Matrix3::identity(), spread.symmetric_eigen().eigenvectors].map(|axes| {
         let axes = turned(axes, &core);
         let mut lengths = sides_along(&axes, gaussians, &chosen).map(|side| side.length);
@@ -76,8 +76,7 @@ pub fn least_box(gaussians: &Gaussians) -> [f64; 3] {
 pub fn least_extent(points: impl Iterator<Item = Point3<f64>>) -> f64 {
     let points: Vec<Vector3<f64>> = points.map(|point| point.coords).collect();
     let count = points.len().max(1) as f64;
-    let mean = points.iter().sum::<Vector3<f64>>() / count;
-    let spread: Matrix3<f64> = points.iter().map(|point| (point - mean) * (point - mean).transpose()).sum();
+    let (_, spread) = scatter(points.iter());
     // A plate of thickness 1 has a standard deviation of 1 / sqrt(12).
     (12.0 * spread.symmetric_eigenvalues().min().max(0.0) / count).sqrt()
 }

@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::compare::{covered, overlap};
 use super::verdict::{self, LEAST_CORRELATION};
 use crate::gaussians::Gaussians;
-use crate::numeric::upper_median;
+use crate::numeric::{evenly, upper_median};
 use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
 use crate::words::progress::Progress;
@@ -28,7 +28,7 @@ const LEAST_IOU: f64 = 0.5;
 /// # Errors
 /// If a photo or a mask cannot be read.
 pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneError> {
-    let few: Vec<View> = views.iter().step_by(views.len().div_ceil(VIEWS).max(1)).cloned().collect();
+    let few: Vec<View> = evenly(views, VIEWS).cloned().collect();
     let whole = OnceLock::new();
     let overlaps: Vec<Option<f64>> =
         few.par_iter().map(|view| overlap_in(scene, view, &whole)).collect::<Result<_, _>>()?;
@@ -65,9 +65,7 @@ fn overlap_in<'a>(
     let small = resize(&coverage, camera.intrinsics.width, camera.intrinsics.height, FilterType::Triangle);
     let shown = |cloud: &Gaussians| covered(&render(cloud, &camera, &RenderOptions::default()));
     let object = shown(&scene.gaussians);
-    let all = match scene.surroundings.is_empty() {
-        true => object.clone(),
-        false => shown(whole.get_or_init(|| scene.whole_cloud())),
-    };
+    let all =
+        if scene.surroundings.is_empty() { object.clone() } else { shown(whole.get_or_init(|| scene.whole_cloud())) };
     Ok(overlap(&small, &object, &all))
 }

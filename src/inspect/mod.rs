@@ -225,9 +225,10 @@ fn inspect_and_draw(
         scene.scale = Some(scale);
         scene.warnings.extend(warnings);
     }
-    let views = match only_chosen || !options.view_list.is_empty() {
-        true => scene.chosen_views(options)?,
-        false => scene.spread_views(MOST_VIEWS)?,
+    let views = if only_chosen || !options.view_list.is_empty() {
+        scene.chosen_views(options)?
+    } else {
+        scene.spread_views(MOST_VIEWS)?
     };
     let fits = compare::compare(&scene, &views, progress)?;
     scene.warnings.extend(quaternions::warning(&scene, &views, &fits, options)?);

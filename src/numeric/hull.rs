@@ -1,6 +1,6 @@
 //! Convex hulls.
 
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point2, Point3, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
 use rayon::prelude::*;
@@ -20,6 +20,31 @@ const DIRECTIONS: usize = 300;
 /// Six times the volume between a point in a face and that face, as a share of the cube of the hull's size: more than its
 /// rounding errors.
 const ROUNDING: f64 = 1e-12;
+
+/// The convex hull of points in a plane, from the leftmost on, in the sense from the first axis to the second (Andrew's
+/// monotone chain).
+pub fn planar(mut points: Vec<Point2<f64>>) -> Vec<Point2<f64>> {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    let chain = |points: &mut dyn Iterator<Item = Point2<f64>>| {
+        let mut chain: Vec<Point2<f64>> = Vec::new();
+        for point in points {
+            while chain.len() > 1 && turn(chain[chain.len() - 2], chain[chain.len() - 1], point) <= 0.0 {
+                chain.pop();
+            }
+            chain.push(point);
+        }
+        chain.pop();
+        chain
+    };
+    let mut hull = chain(&mut points.iter().copied());
+    hull.extend(chain(&mut points.iter().rev().copied()));
+    hull
+}
+
+/// Twice the area of a triangle, positive if its corners go round in the sense from the first axis to the second.
+pub fn turn(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
+    (b - a).perp(&(c - a))
+}
 
 /// A convex polyhedron.
 #[derive(Debug, Clone, PartialEq)]

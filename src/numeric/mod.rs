@@ -30,6 +30,17 @@ pub fn upper_median(mut values: Vec<f64>) -> Option<f64> {
     (!values.is_empty()).then(|| *values.select_nth_unstable_by(half, f64::total_cmp).1)
 }
 
+/// The mean of points, and the sum of the outer products of their distances from it.
+pub fn scatter<'a>(points: impl ExactSizeIterator<Item = &'a Vector3<f64>> + Clone) -> (Vector3<f64>, Matrix3<f64>) {
+    let mean = points.clone().sum::<Vector3<f64>>() / points.len().max(1) as f64;
+    (mean, points.map(|point| (point - mean) * (point - mean).transpose()).sum())
+}
+
+/// At most `most` of the values, evenly spread.
+pub fn evenly<T>(values: &[T], most: usize) -> impl Iterator<Item = &T> {
+    values.iter().step_by(values.len().div_ceil(most).max(1))
+}
+
 /// Unit vectors spread evenly over the sphere: a Fibonacci lattice (Gonzalez 2010).
 pub fn sphere_directions(count: usize) -> impl Iterator<Item = Vector3<f64>> {
     let golden_angle = PI * (3.0 - 5.0_f64.sqrt());

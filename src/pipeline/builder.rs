@@ -18,7 +18,6 @@ pub struct Builder {
     out: Option<PathBuf>,
     options: Option<Options>,
     plan: Plan,
-    simulates: bool,
     command_line: CommandLine,
     watcher: Watcher,
 }
@@ -29,8 +28,7 @@ impl Builder {
             folder: folder.to_owned(),
             out: None,
             options: None,
-            plan: Plan { to: Stage::Report, from: None },
-            simulates: true,
+            plan: Plan::to(Stage::Report),
             command_line: CommandLine::default(),
             watcher: Watcher::default(),
         }
@@ -50,11 +48,6 @@ impl Builder {
     /// By default, all stages are done and any results can be reused.
     pub fn plan(self, plan: Plan) -> Self {
         Self { plan, ..self }
-    }
-
-    /// Leaves the simulation out of the run and of the report.
-    pub fn without_simulation(self) -> Self {
-        Self { simulates: false, ..self }
     }
 
     /// The flags that stand for the options.
@@ -88,7 +81,7 @@ impl Builder {
             None => Options::of_scene(&self.folder)?,
         };
         let open = load(&self.folder, self.out.as_deref(), options, self.watcher)?;
-        let run = Run::new(&open, self.plan, self.simulates, self.command_line);
+        let run = Run::new(&open, self.plan, self.command_line);
         Ok(Pipeline { open, run })
     }
 }

@@ -134,14 +134,14 @@ impl Pipeline {
     }
 
     /// The simulation frame by frame, in SI units; the frames themselves are in the work folder. Simulates even if runs
-    /// and reports leave the simulation out ([`Builder::without_simulation`](Builder::without_simulation)).
+    /// and reports leave the simulation out ([`Plan::without`]).
     ///
     /// # Errors
     /// As for [`parts`](Self::parts), but an unknown metric scale is assumed; also if the simulation fails.
     pub fn simulation(&mut self) -> Result<Arc<SimulationReport>, Error> {
-        let in_runs = std::mem::replace(&mut self.run.simulates, true);
+        let left_out = self.run.plan.without.take();
         let done = self.up_to(Stage::Simulate);
-        self.run.simulates = in_runs;
+        self.run.plan.without = left_out;
         done.and_then(|()| self.open.get())
     }
 

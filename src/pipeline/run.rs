@@ -19,8 +19,6 @@ use crate::words::progress::StageNumber;
 /// The stages of a scene: those that are planned, and those that are done.
 pub struct Run {
     pub plan: Plan,
-    /// Whether runs and reports include the simulation.
-    pub simulates: bool,
     command_line: CommandLine,
     record: RunRecord,
     /// The stages that this process has done or found already done.
@@ -39,14 +37,13 @@ pub struct CommandLine {
 }
 
 impl Run {
-    pub fn new(open: &OpenScene, plan: Plan, simulates: bool, command_line: CommandLine) -> Self {
-        Self { plan, simulates, command_line, record: RunRecord::load(&open.work), done: Vec::new() }
+    pub fn new(open: &OpenScene, plan: Plan, command_line: CommandLine) -> Self {
+        Self { plan, command_line, record: RunRecord::load(&open.work), done: Vec::new() }
     }
 
     /// The stages of the plan.
     pub fn stages(&self) -> impl Iterator<Item = Stage> + use<> {
-        let simulates = self.simulates;
-        self.plan.stages().filter(move |stage| simulates || *stage != Stage::Simulate)
+        self.plan.stages()
     }
 
     /// Does the stages of the plan that neither an earlier run nor this one has done.
@@ -158,7 +155,7 @@ impl Run {
             key,
             anew: self.plan.redoes(stage),
             is_last: self.plan.to == stage,
-            simulates: self.simulates,
+            simulates: self.plan.includes(Stage::Simulate),
             records: &self.record.stages,
             flags: &self.command_line.effective,
         }
@@ -185,7 +182,7 @@ impl Run {
 
     /// The stages that `stage` reads from.
     fn reads_from(&self, stage: Stage) -> impl Iterator<Item = Stage> + use<> {
-        let simulates = self.simulates;
-        stage.row().inputs.iter().copied().filter(move |input| simulates || *input != Stage::Simulate)
+        let plan = self.plan;
+        stage.row().inputs.iter().copied().filter(move |input| plan.includes(*input))
     }
 }

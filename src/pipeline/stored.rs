@@ -208,7 +208,7 @@ pub fn open(
     last: Stage,
     progress: Progress<'static>,
 ) -> Result<OpenScene> {
-    let plan = Plan { to: last, from: None };
+    let plan = Plan::to(last);
     let stored = Stored::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
     let options = stored.options(folder, out.is_some(), allow_read)?;
     let scene = crate::scene::load_with_progress(folder, &options.scene, progress).map_err(SceneError::without_flag)?;

@@ -5,7 +5,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use super::recorded::{Miss, RecordingError};
-use super::{Answers, Failure, Outcome};
+use super::{Answers, Failure, Outcome, SubjectId};
 use crate::config::option_values::OptionError;
 use crate::query::ask::asker::AskError;
 use crate::query::ask::budget::Spent;
@@ -19,8 +19,8 @@ use crate::words::progress::Cancelled;
 pub enum QueryError {
     #[error("{0}")]
     Option(#[from] OptionError),
-    #[error("view {view}: the label map has no pixel of segment {segment}; segment the scene again")]
-    EmptySegment { view: String, segment: u16 },
+    #[error("view {view}: the label map has no pixel of {subject}; segment the scene again")]
+    EmptySubject { view: String, subject: SubjectId },
     #[error("view {view}: the label map is {} x {} pixels, the photo {} x {}; segment the scene again", map.0, map.1, photo.0, photo.1)]
     SizeMismatch { view: String, map: (u32, u32), photo: (u32, u32) },
     #[error(transparent)]

@@ -8,7 +8,7 @@
 
 use rayon::prelude::*;
 
-use super::answered_segments::AnsweredSegments;
+use super::answered_subjects::AnsweredSubjects;
 use super::options::Rule;
 use super::{Progress, ViewInput};
 use crate::gaussians::Gaussians;
@@ -19,7 +19,7 @@ use crate::segment::LabelMap;
 /// Votes of one view for one segment to one Gaussian.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Ballot {
-    /// Index into [`AnsweredSegments::segments`].
+    /// Index into [`AnsweredSubjects::subjects`].
     pub segment: u32,
     /// 1, or the light in pixels.
     pub weight: f32,
@@ -38,7 +38,7 @@ impl Ballots {
     pub fn cast(
         gaussians: &Gaussians,
         views: &[ViewInput],
-        segments: &AnsweredSegments,
+        subjects: &AnsweredSubjects,
         rule: Rule,
         progress: Progress,
     ) -> Self {
@@ -47,7 +47,7 @@ impl Ballots {
         let mut of_views = Vec::new();
         for (number, view) in views.iter().enumerate() {
             let projected = Projected::new(gaussians, view.camera, &RenderOptions::default());
-            let find = |label| segments.find(number, label);
+            let find = |label| subjects.find(number, label);
             of_views.push(match rule {
                 Rule::Frequency => by_center(&projected, test, view.map, find),
                 Rule::Contribution => by_light(gaussians.len(), projected, view.map, find),

@@ -22,7 +22,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use super::AnsweredPart;
-use super::answered_segments::AnsweredSegments;
+use super::answered_subjects::AnsweredSubjects;
 use super::ballots::{Ballot, Ballots};
 use super::plurality::{Tally, add, winner};
 use crate::query::Answer;
@@ -37,7 +37,7 @@ pub(super) struct Identity<'a> {
     pub part_of_segment: Vec<u32>,
     /// The ids of the 3D parts, if the parts were known before the vote.
     pub ids: Option<Vec<u32>>,
-    /// The material of each 3D part: index into [`AnsweredSegments::materials`].
+    /// The material of each 3D part: index into [`AnsweredSubjects::materials`].
     pub material_of_part: Vec<u32>,
     /// The answers about each 3D part with their weights, the heaviest first.
     pub answers_of_part: Vec<Vec<(&'a Answer, f64)>>,
@@ -47,21 +47,21 @@ pub(super) struct Identity<'a> {
 
 impl<'a> Identity<'a> {
     /// Finds out which segments are one part.
-    pub fn new(ballots: &Ballots, segments: &AnsweredSegments<'a>) -> Self {
-        let view_of: Vec<usize> = segments.segments.iter().map(|segment| segment.view).collect();
+    pub fn new(ballots: &Ballots, subjects: &AnsweredSubjects<'a>) -> Self {
+        let view_of: Vec<usize> = subjects.subjects.iter().map(|segment| segment.view).collect();
         let shared = shared_light(ballots, &view_of);
         let seen: Vec<u64> =
             shared.iter().enumerate().map(|(own, light)| light.get(&own).copied().unwrap_or(0)).collect();
         let mut groups = Groups::new(shared, &view_of);
         groups.join_while(jaccard, |_, _| true);
-        let materials = materials(&groups.group, segments, &seen);
+        let materials = materials(&groups.group, subjects, &seen);
         groups.join_while(containment, |a, b| materials[a] == materials[b]);
 
         let firsts: Vec<usize> = (0..view_of.len()).filter(|&n| groups.group[n] == n).collect();
         let number = |of: &usize| firsts.binary_search(of).expect("every group is alive") as u32;
         let part_of_segment: Vec<u32> = groups.group.iter().map(number).collect();
         let mut answers_of_part = vec![Vec::new(); firsts.len()];
-        for ((segment, &part), &seen) in segments.segments.iter().zip(&part_of_segment).zip(&seen) {
+        for ((segment, &part), &seen) in subjects.subjects.iter().zip(&part_of_segment).zip(&seen) {
             answers_of_part[part as usize].push((segment.answer, seen as f64));
         }
         answers_of_part.iter_mut().for_each(|answers| answers.sort_by(|a, b| b.1.total_cmp(&a.1)));
@@ -70,21 +70,21 @@ impl<'a> Identity<'a> {
     }
 
     /// Takes the parts as they are: ids are the same in all views. `parts` is not empty.
-    pub fn of_parts(ballots: &Ballots, segments: &AnsweredSegments<'a>, parts: &[AnsweredPart<'a>]) -> Self {
+    pub fn of_parts(ballots: &Ballots, subjects: &AnsweredSubjects<'a>, parts: &[AnsweredPart<'a>]) -> Self {
         let number = |id: u16| parts.iter().position(|part| part.id == id).expect("segments are those of parts") as u32;
-        let mut seen = vec![0.0f64; segments.segments.len()];
+        let mut seen = vec![0.0f64; subjects.subjects.len()];
         for i in 0..ballots.gaussians() {
             ballots.of(i).iter().for_each(|ballot| seen[ballot.segment as usize] += f64::from(ballot.weight));
         }
         let material = |part: &AnsweredPart| {
             let mut tally: Tally = Vec::new();
             for (answer, weight) in &part.answers {
-                add(&mut tally, segments.material(&answer.material), *weight, answer.confidence);
+                add(&mut tally, subjects.material(&answer.material), *weight, answer.confidence);
             }
             winner(&tally).map_or(0, |(material, _)| material)
         };
         Self {
-            part_of_segment: segments.segments.iter().map(|segment| number(segment.segment)).collect(),
+            part_of_segment: subjects.subjects.iter().map(|subject| number(subject.id)).collect(),
             ids: Some(parts.iter().map(|part| u32::from(part.id)).collect()),
             material_of_part: parts.iter().map(material).collect(),
             answers_of_part: parts.iter().map(|part| part.answers.clone()).collect(),
@@ -103,9 +103,9 @@ impl<'a> Identity<'a> {
 }
 
 /// The material of each group, indexed by the group's name.
-fn materials(group: &[usize], segments: &AnsweredSegments, seen: &[u64]) -> Vec<u32> {
+fn materials(group: &[usize], subjects: &AnsweredSubjects, seen: &[u64]) -> Vec<u32> {
     let mut tallies: Vec<Tally> = vec![Vec::new(); group.len()];
-    for (n, segment) in segments.segments.iter().enumerate() {
+    for (n, segment) in subjects.subjects.iter().enumerate() {
         add(&mut tallies[group[n]], segment.material, seen[n] as f64, segment.answer.confidence);
     }
     tallies.iter().map(|tally| winner(tally).map_or(0, |(material, _)| material)).collect()

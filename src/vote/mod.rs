@@ -1,13 +1,13 @@
 //! From label maps to a material for every Gaussian: ballots, tally.
 //!
-//! In order: [`answered_segments`] lists the views' segments, or the parts in the views, that have an answer;
+//! In order: [`answered_subjects`] lists the views' segments, or the parts in the views, that have an answer;
 //! [`ballots`] lets every view vote on the Gaussians that it sees, by the light that arrives from them or, as in the
 //! paper, by a depth test; [`identity`] finds which segments of different views are one part of the object, unless the
 //! parts are known; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and [`unseen`] for
 //! those that no view sees; [`labels`] gives each elected part its properties, and
 //! [`correction`] those that the user knows better.
 
-mod answered_segments;
+mod answered_subjects;
 mod ballots;
 mod contents;
 mod correction;
@@ -35,7 +35,7 @@ use crate::segment::LabelMap;
 use crate::units::{Estimate, ShoreHardness};
 use crate::words::output::{agreeing, counted};
 use crate::words::progress::Progress;
-use answered_segments::{AnsweredSegment, AnsweredSegments};
+use answered_subjects::{AnsweredSubject, AnsweredSubjects};
 use ballots::Ballots;
 pub use correction::{Corrected, Correction, CorrectionError, Setting, check_materials, corrected};
 pub use error::VoteError;
@@ -240,12 +240,12 @@ pub fn vote(
 ) -> Result<MaterialField, VoteError> {
     options.check()?;
     check(gaussians, views)?;
-    let mut segments = AnsweredSegments::new(views, answers, library)?;
-    segments.warnings.extend(cameras_inside(gaussians, views));
-    segments.notes.extend(strange_gaussians(gaussians));
-    let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
-    let identity = Identity::new(&ballots, &segments);
-    Votes { views, segments, ballots, identity }.elect(gaussians, library, options)
+    let mut subjects = AnsweredSubjects::new(views, answers, library)?;
+    subjects.warnings.extend(cameras_inside(gaussians, views));
+    subjects.notes.extend(strange_gaussians(gaussians));
+    let ballots = Ballots::cast(gaussians, views, &subjects, options.vote, progress);
+    let identity = Identity::new(&ballots, &subjects);
+    Votes { views, subjects, ballots, identity }.elect(gaussians, library, options)
 }
 
 /// As [`vote`], for label maps in which an id stands for the same part in all views.
@@ -264,19 +264,19 @@ pub fn vote_on_parts(
 ) -> Result<MaterialField, VoteError> {
     options.check()?;
     check(gaussians, views)?;
-    let mut segments = AnsweredSegments::of_parts(views, parts, library)?;
-    segments.warnings.extend(cameras_inside(gaussians, views));
-    segments.notes.extend(strange_gaussians(gaussians));
-    let ballots = Ballots::cast(gaussians, views, &segments, options.vote, progress);
-    let identity = Identity::of_parts(&ballots, &segments, parts);
+    let mut subjects = AnsweredSubjects::of_parts(views, parts, library)?;
+    subjects.warnings.extend(cameras_inside(gaussians, views));
+    subjects.notes.extend(strange_gaussians(gaussians));
+    let ballots = Ballots::cast(gaussians, views, &subjects, options.vote, progress);
+    let identity = Identity::of_parts(&ballots, &subjects, parts);
     let options = Options { agree: Agreement::Part, ..options.clone() };
-    Votes { views, segments, ballots, identity }.elect(gaussians, library, &options)
+    Votes { views, subjects, ballots, identity }.elect(gaussians, library, &options)
 }
 
 /// The votes of all views, and what they are about.
 struct Votes<'a> {
     views: &'a [ViewInput<'a>],
-    segments: AnsweredSegments<'a>,
+    subjects: AnsweredSubjects<'a>,
     ballots: Ballots,
     identity: Identity<'a>,
 }
@@ -289,14 +289,14 @@ impl Votes<'_> {
         library: &MaterialLibrary,
         options: &Options,
     ) -> Result<MaterialField, VoteError> {
-        let candidates = tally::candidates(&self.segments, &self.identity, options.agree);
-        let elected = tally::elect(&self.ballots, &self.segments, &candidates);
+        let candidates = tally::candidates(&self.subjects, &self.identity, options.agree);
+        let elected = tally::elect(&self.ballots, &self.subjects, &candidates);
         match unseen::fill(gaussians, &elected, options.neighbors.get()) {
             Some(choices) => Ok(self.field(&choices, &elected, library, options.agree)),
             None => Err(VoteError::NoVotes {
                 views: self.views.len(),
-                segments: self.segments.in_maps,
-                answered: self.segments.segments.len(),
+                segments: self.subjects.in_maps,
+                answered: self.subjects.subjects.len(),
             }),
         }
     }
@@ -310,13 +310,13 @@ impl Votes<'_> {
         library: &MaterialLibrary,
         agree: Agreement,
     ) -> MaterialField {
-        let Self { segments, identity, .. } = &self;
+        let Self { subjects, identity, .. } = &self;
         let mut made: Vec<(u32, PartMaterial)> = (1..).zip(by_frequency(choices)).collect();
         if let Some(ids) = &identity.ids {
             made.iter_mut().for_each(|(id, choice)| *id = ids[choice.part as usize]);
             made.sort_unstable();
         }
-        let name = |choice: PartMaterial| segments.materials[choice.material as usize];
+        let name = |choice: PartMaterial| subjects.materials[choice.material as usize];
         let labels =
             made.iter().map(|&(id, choice)| labels::label(id, choice, name(choice), identity, library)).collect();
         let label_of =
@@ -334,19 +334,19 @@ impl Votes<'_> {
             confidence: elected.iter().map(|e| e.as_ref().map_or(0.0, confidence)).collect(),
             votes: elected.iter().map(|e| e.as_ref().map_or(0.0, |e| e.votes)).collect(),
             views: elected.iter().map(|e| e.as_ref().map_or(0, |e| e.views)).collect(),
-            notes: segments.notes.iter().cloned().chain(self.notes_of_invisible()).collect(),
-            warnings: self.segments.warnings,
+            notes: subjects.notes.iter().cloned().chain(self.notes_of_invisible()).collect(),
+            warnings: self.subjects.warnings,
         }
     }
 
-    /// A note for each answered segment in which no Gaussian lies.
+    /// A note for each answered subject in which no Gaussian lies.
     fn notes_of_invisible(&self) -> Vec<String> {
-        let invisible = self.segments.segments.iter().zip(&self.identity.seen).filter(|(_, seen)| **seen == 0);
-        let note = |segment: &AnsweredSegment| {
-            let (view, caption) = (self.views[segment.view].name, &segment.answer.caption);
-            format!("part or segment {} of view `{view}` ({caption}) covers no Gaussian", segment.segment)
+        let invisible = self.subjects.subjects.iter().zip(&self.identity.seen).filter(|(_, seen)| **seen == 0);
+        let note = |subject: &AnsweredSubject| {
+            let (view, caption) = (self.views[subject.view].name, &subject.answer.caption);
+            format!("part or segment {} of view `{view}` ({caption}) covers no Gaussian", subject.id)
         };
-        invisible.map(|(segment, _)| note(segment)).collect()
+        invisible.map(|(subject, _)| note(subject)).collect()
     }
 }
 

@@ -12,7 +12,7 @@
 
 use rayon::prelude::*;
 
-use super::answered_segments::AnsweredSegments;
+use super::answered_subjects::AnsweredSubjects;
 use super::ballots::{Ballot, Ballots};
 use super::identity::Identity;
 use super::options::Agreement;
@@ -38,8 +38,8 @@ pub(super) struct Elected {
 }
 
 /// The choice that each view's segment stands for.
-pub(super) fn candidates(segments: &AnsweredSegments, identity: &Identity, agreement: Agreement) -> Vec<PartMaterial> {
-    let own = segments.segments.iter().zip(&identity.part_of_segment);
+pub(super) fn candidates(subjects: &AnsweredSubjects, identity: &Identity, agreement: Agreement) -> Vec<PartMaterial> {
+    let own = subjects.subjects.iter().zip(&identity.part_of_segment);
     let own: Vec<PartMaterial> =
         own.map(|(segment, &part)| PartMaterial { part, material: segment.material }).collect();
     if agreement == Agreement::Gaussian {
@@ -53,18 +53,18 @@ pub(super) fn candidates(segments: &AnsweredSegments, identity: &Identity, agree
 /// Every Gaussian's choice; `None` for those on which no view votes.
 pub(super) fn elect(
     ballots: &Ballots,
-    segments: &AnsweredSegments,
+    subjects: &AnsweredSubjects,
     candidates: &[PartMaterial],
 ) -> Vec<Option<Elected>> {
-    (0..ballots.gaussians()).into_par_iter().map(|i| elect_one(ballots.of(i), segments, candidates)).collect()
+    (0..ballots.gaussians()).into_par_iter().map(|i| elect_one(ballots.of(i), subjects, candidates)).collect()
 }
 
-fn elect_one(ballots: &[Ballot], segments: &AnsweredSegments, candidates: &[PartMaterial]) -> Option<Elected> {
+fn elect_one(ballots: &[Ballot], subjects: &AnsweredSubjects, candidates: &[PartMaterial]) -> Option<Elected> {
     let (mut materials, mut parts) = (Vec::new(), Vec::new());
     let mut views = 0;
     let mut last_view = None;
     for ballot in ballots {
-        let segment = &segments.segments[ballot.segment as usize];
+        let segment = &subjects.subjects[ballot.segment as usize];
         views += u16::from(last_view != Some(segment.view));
         last_view = Some(segment.view);
         let material = candidates[ballot.segment as usize].material;
@@ -74,7 +74,7 @@ fn elect_one(ballots: &[Ballot], segments: &AnsweredSegments, candidates: &[Part
     for ballot in ballots {
         let choice = candidates[ballot.segment as usize];
         if choice.material == material {
-            let confidence = segments.segments[ballot.segment as usize].answer.confidence;
+            let confidence = subjects.subjects[ballot.segment as usize].answer.confidence;
             add(&mut parts, choice.part, f64::from(ballot.weight), confidence);
         }
     }

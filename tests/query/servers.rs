@@ -48,9 +48,10 @@ fn vllm_takes_the_schema_and_refuses_what_it_does_not_know() {
 fn ollama_takes_pictures_as_base64_only_and_fences_its_json() {
     let server = Server::new(|_, body, _| {
         let url = image_url(body)["url"].as_str().unwrap_or_default();
-        match url.starts_with("data:image/jpeg;base64,") {
-            true => ok(&format!("```json\n{}\n```", good())),
-            false => error(400, "invalid image input"),
+        if url.starts_with("data:image/jpeg;base64,") {
+            ok(&format!("```json\n{}\n```", good()))
+        } else {
+            error(400, "invalid image input")
         }
     });
     assert_answered(&server, &Prompts::builtin(), 2);

@@ -214,9 +214,10 @@ fn a_model_cut_short_or_not_there_is_named() {
     for (whole, is_encoder) in [(&files.encoder, true), (&files.decoder, false)] {
         let bytes = fs::read(whole).unwrap();
         fs::write(&cut, &bytes[..bytes.len() / 2]).unwrap();
-        let error = refused(&match is_encoder {
-            true => ModelFiles { encoder: cut.clone(), ..files.clone() },
-            false => ModelFiles { decoder: cut.clone(), ..files.clone() },
+        let error = refused(&if is_encoder {
+            ModelFiles { encoder: cut.clone(), ..files.clone() }
+        } else {
+            ModelFiles { decoder: cut.clone(), ..files.clone() }
         });
         assert!(matches!(error, SegmentError::Model { .. }) && error.to_string().contains("cut.onnx"), "{error}");
     }

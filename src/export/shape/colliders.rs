@@ -7,12 +7,13 @@
 //! does not reach farther either. A hole stays open if a ball with twice the tolerance as its radius fits through it.
 //! Finally, the surface of every component is moved inward until its hull has the component's volume.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{Point3, Vector3};
 use rayon::prelude::*;
 
 use super::Solid;
 use super::clearance::{Clearance, Overreach};
 use crate::numeric::hull::Hull;
+use crate::numeric::{evenly, scatter};
 use crate::parts::{Grid, OUTSIDE, blur};
 
 /// How far a hull may reach beyond the object, as a share of the object's diagonal, and in cells at least: below that,
@@ -246,11 +247,9 @@ impl<'a> Decomposition<'a> {
 
     /// The plane, as normal and position, that leaves the least volume in the hulls of both sides.
     fn best_cut(&self, component: &Component) -> Option<(Vector3<f64>, f64)> {
-        let some = |points: &'_ [Point3<f64>]| -> Vec<Point3<f64>> {
-            points.iter().step_by(points.len().div_ceil(SAMPLES).max(1)).copied().collect()
-        };
         let border: Vec<Point3<f64>> = component.border.iter().map(|face| face.center).collect();
-        let samples = [some(&component.hull.vertices), some(&border)].concat();
+        let samples: Vec<Point3<f64>> =
+            evenly(&component.hull.vertices, SAMPLES).chain(evenly(&border, SAMPLES)).copied().collect();
         let notch = self.grid.center(self.grid.coords(component.overreach.cell));
         let (mut cuts, mut through_notch) = (Vec::new(), Vec::new());
         for normal in directions(&samples) {
@@ -270,7 +269,7 @@ impl<'a> Decomposition<'a> {
                 let off = normal.dot(&p.coords) - position;
                 (off.abs() <= NEAR * self.grid.cell).then(|| p - normal * off)
             };
-            some(&border.iter().filter_map(onto_plane).collect::<Vec<_>>())
+            evenly(&border.iter().filter_map(onto_plane).collect::<Vec<_>>(), SAMPLES).copied().collect()
         };
         let whole = component.hull.volume();
         let volume = |points: &[Point3<f64>]| Hull::of(points).map_or(0.0, |hull| hull.volume());
@@ -362,8 +361,7 @@ struct Joint {
 fn directions(points: &[Point3<f64>]) -> Vec<Vector3<f64>> {
     /// Cosine of 10 degrees.
     const SAME: f64 = 0.985;
-    let middle = points.iter().map(|p| p.coords).sum::<Vector3<f64>>() / points.len() as f64;
-    let spread: Matrix3<f64> = points.iter().map(|p| (p.coords - middle) * (p.coords - middle).transpose()).sum();
+    let (_, spread) = scatter(points.iter().map(|point| &point.coords));
     let own = spread.symmetric_eigen().eigenvectors;
     let mut directions = vec![Vector3::x(), Vector3::y(), Vector3::z()];
     for axis in own.column_iter() {
@@ -380,7 +378,7 @@ fn hull_of_many(points: &[Point3<f64>], error: f64) -> Option<Hull> {
     if points.len() <= SAMPLES {
         return Hull::of(points);
     }
-    let sample: Vec<Point3<f64>> = points.iter().step_by(points.len().div_ceil(SAMPLES)).copied().collect();
+    let sample: Vec<Point3<f64>> = evenly(points, SAMPLES).copied().collect();
     let Some(inner) = Hull::of(&sample) else { return Hull::of(points) };
     let planes = inner.planes();
     let outside = points.iter().filter(|p| planes.iter().any(|(normal, d)| normal.dot(&p.coords) > d + error));

@@ -23,7 +23,7 @@ use super::samples;
 use super::verdict::Small;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
-use crate::numeric::upper_median;
+use crate::numeric::{evenly, upper_median};
 use crate::scene::{Scene, SceneError, View};
 use crate::words::progress::{Bar, Progress};
 use anchor::{Anchor, anchors};
@@ -125,7 +125,7 @@ pub(super) fn search(scene: &Scene, views: &[View], progress: Progress) -> Resul
     let is_apart = |index: &usize| index % HELD_APART == HELD_APART - 1;
     let (apart, seen): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(is_apart);
     let reduced = |indices: &[usize]| -> Result<Vec<Reduced>, SceneError> {
-        let few: Vec<usize> = spread(indices, MOST_PHOTOS).copied().collect();
+        let few: Vec<usize> = evenly(indices, MOST_PHOTOS).copied().collect();
         few.into_par_iter().map(|index| Reduced::new(scene, &views[index])).collect()
     };
     let cloud = scene.whole_cloud();
@@ -137,11 +137,6 @@ pub(super) fn search(scene: &Scene, views: &[View], progress: Progress) -> Resul
         next_psnr_db: best.next.map(|next| search.psnr_apart_db(&next)),
         moved_px: search.moved_px(scene, &best.similarity),
     }))
-}
-
-/// At most `most` of the values, evenly spread.
-fn spread<T>(values: &[T], most: usize) -> impl Iterator<Item = &T> {
-    values.iter().step_by(values.len().div_ceil(most).max(1))
 }
 
 /// The placement that fits the photos best, and the next best.
@@ -182,7 +177,7 @@ impl Search<'_> {
             blur(&mut small.picture, small.camera.intrinsics.width as usize, round.passes);
             small
         };
-        let views: Vec<Small> = spread(&self.photos, round.views).map(view).collect();
+        let views: Vec<Small> = evenly(&self.photos, round.views).map(view).collect();
         let (center, radius) = (anchor.place, anchor.radius);
         let sketch = merged(&cloud, SKETCH_GAUSSIANS);
         let problem = Problem { cloud: &cloud, sketch: &sketch, views: &views, passes: round.passes, center, radius };

@@ -10,11 +10,10 @@ use rayon::prelude::*;
 use super::anchor::Anchor;
 use super::merge::merged;
 use super::pictures::Reduced;
-use super::spread;
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::gaussians::Gaussians;
 use crate::inspect::verdict::{Small, picture};
-use crate::numeric::{all_rotations, sphere_directions, upper_median};
+use crate::numeric::{all_rotations, evenly, sphere_directions, upper_median};
 use crate::render::RenderOptions;
 
 /// Side of the pictures compared, in pixels.
@@ -65,7 +64,7 @@ impl Templates {
     pub fn new(cloud: &Gaussians, photos: &[Reduced], anchor: &Anchor) -> Option<Self> {
         let distances = photos.iter().map(|photo| (photo.camera.center_in_world() - anchor.focus).norm());
         let distance = upper_median(distances.collect())?;
-        let few: Vec<&Reduced> = spread(photos, PHOTOS).collect();
+        let few: Vec<&Reduced> = evenly(photos, PHOTOS).collect();
         let patches: Vec<Option<Patch>> =
             few.into_par_iter().map(|photo| Patch::new(&photo.at(PHOTO_SIDE), anchor)).collect();
         let patches: Vec<Patch> = patches.into_iter().flatten().collect();

@@ -93,11 +93,13 @@ impl Effect {
         Self { low: change((z - 1.0).max(low)), high: change((z + 1.0).min(high)) }
     }
 
-    /// Whether the unknown goes up or down from its middle for the quantity to rise (or to fall): to the side on which it
+    /// Whether the unknown goes up from its middle for the quantity to rise (or to fall), or down: to the side on which it
     /// does so faster; `None` if it does the opposite on both.
     fn side(self, raises: bool) -> Option<bool> {
-        let sign = if raises { 1.0 } else { -1.0 };
-        ((sign * self.high).max(sign * self.low) >= 0.0).then_some((self.high >= self.low) == raises)
+        let (gain_above, gain_below) = if raises { (self.high, self.low) } else { (-self.high, -self.low) };
+        let is_opposite_on_both = gain_above < 0.0 && gain_below < 0.0;
+        let rises_more_above = self.high >= self.low;
+        if is_opposite_on_both { None } else { Some(rises_more_above == raises) }
     }
 
     /// The slope above the middle, or below it.

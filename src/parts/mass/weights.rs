@@ -171,7 +171,7 @@ fn part(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns) -
     let label = weighable.label;
     let owner = Owner::Part(label.id);
     let wall_of = Owner::Part(weighable.sleeve.unwrap_or(label.id));
-    let volume = volume(weighable.volume, scale, [&owner, &wall_of], unknowns);
+    let volume = volume(weighable.volume, scale, &owner, &wall_of, unknowns);
     // A mixed part has a density of its own; all parts of one material have the same.
     let (dense, guessed) = match label.form {
         Form::Mixed => (owner.clone(), OVERCONFIDENCE),
@@ -196,7 +196,7 @@ fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns
     let number = unknowns.number(Source::Filling, &owner);
     unknowns.limit(number, likely, full);
     let share = Quantity { mid: filled.share.mid, effects: vec![(number, likely)] };
-    let volume = product(&volume(&hollow.volume, scale, [&owner, &owner], unknowns), &share);
+    let volume = product(&volume(&hollow.volume, scale, &owner, &owner, unknowns), &share);
     let density = Quantity {
         mid: filled.density_kg_m3.mid,
         effects: vec![(
@@ -216,7 +216,7 @@ fn filling(of: usize, weighable: &Weighable, scale: f64, unknowns: &mut Unknowns
 }
 
 /// The volume of the part `owner`, which depends on the wall of `wall_of`.
-fn volume(volume: &Volume, scale: f64, [owner, wall_of]: [&Owner; 2], unknowns: &mut Unknowns) -> Quantity {
+fn volume(volume: &Volume, scale: f64, owner: &Owner, wall_of: &Owner, unknowns: &mut Unknowns) -> Quantity {
     let wall = unknowns.number(Source::Wall, wall_of);
     unknowns.limit(wall, volume.wall, volume.wall_most);
     let effects = [

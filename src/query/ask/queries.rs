@@ -6,9 +6,10 @@ use super::cost::{Cost, Price};
 use super::whole::AnyWholeQuestion;
 use crate::consensus::AskAbout;
 use crate::materials::MaterialLibrary;
+use crate::query::SubjectId;
 use crate::query::answer::{Problem, Unknown};
 use crate::query::error::QueryError;
-use crate::query::options::{Context, Options};
+use crate::query::options::Options;
 use crate::query::question::prompt::Prompts;
 use crate::query::question::sheet::Drawer;
 use crate::query::question::shown_subject::ShownSubject;
@@ -56,7 +57,7 @@ impl<'a> Queries<'a> {
         let questions = Questions::new(prompts, library, options.guidance, options.context, about)?;
         let mut subjects = Vec::new();
         for view in views {
-            subjects.extend(subjects_of(view, options.context, options.sheet_size)?);
+            subjects.extend(subjects_of(view, about, options)?);
         }
         Ok(Self { about, subjects, whole: Vec::new(), questions, library, prompts, options })
     }
@@ -95,7 +96,7 @@ impl<'a> Queries<'a> {
     }
 }
 
-fn subjects_of(view: &ViewSubjects, context: Context, sheet_size: u32) -> Result<Vec<ShownSubject>, QueryError> {
+fn subjects_of(view: &ViewSubjects, about: AskAbout, options: &Options) -> Result<Vec<ShownSubject>, QueryError> {
     let (map, photo) = (view.map, view.photo);
     if (map.width, map.height) != photo.rgb.dimensions() {
         return Err(QueryError::SizeMismatch {
@@ -105,13 +106,15 @@ fn subjects_of(view: &ViewSubjects, context: Context, sheet_size: u32) -> Result
         });
     }
     let photo_sha256 = Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw());
-    let drawer = Drawer::new(photo, map, context, sheet_size);
+    let drawer = Drawer::new(photo, map, options.context, options.sheet_size);
     let mut ids = view.ids.to_vec();
     ids.sort_unstable();
     ids.into_par_iter()
         .map(|id| {
-            let sheet =
-                drawer.sheet(id).ok_or_else(|| QueryError::EmptySegment { view: view.name.into(), segment: id })?;
+            let sheet = drawer.sheet(id).ok_or_else(|| QueryError::EmptySubject {
+                view: view.name.into(),
+                subject: SubjectId::of(about, id),
+            })?;
             Ok(ShownSubject {
                 view: view.name.into(),
                 id,

@@ -15,7 +15,7 @@ use std::fmt;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Similarity3, Translation3, UnitQuaternion, Vector3};
 
-use crate::numeric::median;
+use crate::numeric::{median, scatter};
 
 /// A half turn about one of the new axes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -88,10 +88,8 @@ fn similarity_of_cameras(cameras: &[Isometry3<f64>]) -> Option<Similarity3<f64>>
 /// Step 2: the rotation and translation of the points.
 fn principal_axes(points: &[Point3<f64>]) -> Option<Isometry3<f64>> {
     let center = median_of(points)?;
-    let mean = points.iter().map(|point| point.coords).sum::<Vector3<f64>>() / points.len() as f64;
-    let covariance: Matrix3<f64> =
-        points.iter().map(|point| (point.coords - mean) * (point.coords - mean).transpose()).sum();
-    let eigen = covariance.symmetric_eigen();
+    let (_, spread) = scatter(points.iter().map(|point| &point.coords));
+    let eigen = spread.symmetric_eigen();
     let mut order = [0, 1, 2];
     order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
     let axis = |nth: usize| {

@@ -17,7 +17,7 @@ use nalgebra::{Matrix2, Matrix3x2, Point2, Point3, Vector2, Vector3};
 
 use super::support::{Focus, LARGEST, LEAST_OPACITY_LOGIT, Plane, Scatter};
 use crate::gaussians::Gaussians;
-use crate::numeric::median;
+use crate::numeric::{evenly, median};
 
 /// Distance from the focus within which things are looked for: what reaches farther is part of the room.
 const REACH: f64 = 1.1;
@@ -256,7 +256,8 @@ impl<'a> Region<'a> {
             self.is_solid(**i) && place.height.abs() <= self.surface.thickness && ring.contains(&self.cell(place))
         };
         let around: Vec<usize> = self.places.iter().filter(is_around).map(|(i, _)| *i).collect();
-        let around = evenly(&around, MOST_COMPARED);
+        let few = |indices: &[usize]| -> Vec<usize> { evenly(indices, MOST_COMPARED).copied().collect() };
+        let around = few(&around);
         let contrast = |indices: &[usize]| {
             let nearest = |i: &usize| {
                 let others = around.iter().filter(|other| *other != i);
@@ -264,7 +265,7 @@ impl<'a> Region<'a> {
             };
             median(indices.iter().filter_map(nearest).collect())
         };
-        match (contrast(&evenly(&cluster.indices, MOST_COMPARED)), contrast(&around)) {
+        match (contrast(&few(&cluster.indices)), contrast(&around)) {
             (Some(own), Some(surface)) => own >= LEAST_CONTRAST * surface,
             _ => true,
         }
@@ -302,11 +303,6 @@ impl<'a> Region<'a> {
             }
         }
     }
-}
-
-/// Up to `most` of the values, evenly chosen.
-fn evenly(values: &[usize], most: usize) -> Vec<usize> {
-    values.iter().step_by(values.len().div_ceil(most).max(1)).copied().collect()
 }
 
 /// Adds the rest of the Gaussians to the objects around them.

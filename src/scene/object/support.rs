@@ -9,10 +9,10 @@
 //!
 //! All lengths are fractions of the cameras' median distance from the focus.
 
-use nalgebra::{Isometry3, Matrix3, Point3, UnitQuaternion, Vector3};
+use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use crate::gaussians::Gaussians;
-use crate::numeric::{median, nearest_to_lines, principal, upper_median};
+use crate::numeric::{median, nearest_to_lines, principal, scatter, upper_median};
 use crate::scene::View;
 
 /// Radius of the ball: with the usual field of view of 50 to 60 degrees, an object that fills the picture has a radius
@@ -128,9 +128,8 @@ impl Focus {
         FITTED.iter().flat_map(|share| [share; 2]).fold(start, |plane, share| {
             let close = |point: &&Point3<f64>| plane.height(point).abs() < share * THICKNESS * self.unit;
             let near: Vec<&Point3<f64>> = self.points.iter().filter(close).collect();
-            let middle = near.iter().map(|point| point.coords).sum::<Vector3<f64>>() / near.len().max(1) as f64;
-            let products = near.iter().map(|point| (point.coords - middle) * (point.coords - middle).transpose());
-            let normal = principal(&products.sum::<Matrix3<f64>>()).map(|axes| {
+            let (middle, spread) = scatter(near.iter().map(|point| &point.coords));
+            let normal = principal(&spread).map(|axes| {
                 let across = axes.eigenvalues.imin();
                 axes.eigenvectors.column(across).into_owned()
             });

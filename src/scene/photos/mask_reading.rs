@@ -23,6 +23,7 @@ use super::mask_lying::{Fits, Lying};
 use super::{ALONE_LIMIT, Upright, VIEW_LIMIT, header};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::numeric::evenly;
 use crate::render::{Colors, FOREGROUND_ALPHA, RenderOptions, render};
 use crate::scene::error::MasksHideAll;
 use crate::scene::object::cluster::looked_at;
@@ -68,7 +69,7 @@ pub(in crate::scene) fn decide(
     if masked.is_empty() {
         return Ok(Told::default());
     }
-    let mut samples = sampled(views, &spread(&masked, SAMPLES))?;
+    let mut samples = sampled(views, &evenly(&masked, SAMPLES).copied().collect::<Vec<_>>())?;
     if matches!(choice, MaskChoice::Auto) || samples.iter().any(Sample::is_ambiguous) {
         let splat = shown(views, &samples, gaussians);
         samples.iter_mut().zip(splat).for_each(|(sample, splat)| sample.splat = splat);
@@ -115,11 +116,6 @@ pub(super) fn alone(photo: &Path, mask: &Path, size: (u32, u32)) -> Result<Mask,
     let small = reduced(&Stored::read(mask, Upright::Turned, ALONE_LIMIT)?, size);
     let color = usual(&[Sample { view: 0, lying, small, splat: None }]);
     Ok(Mask { color, orientation: lying.by_shape(), ..Mask::new(mask.to_owned()) })
-}
-
-/// Up to `count` of `all`, evenly spread.
-fn spread(all: &[usize], count: usize) -> Vec<usize> {
-    all.iter().copied().step_by(all.len().div_ceil(count).max(1)).collect()
 }
 
 /// The mask of a sampled view.

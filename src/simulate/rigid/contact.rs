@@ -13,11 +13,12 @@
 //! scenario's forces add within the step is not an impact, since a body at rest has it too: it counts as a steady force
 //! instead, F = v0 sqrt(k m) + m (v - v0) / dt. What other bodies and the grid add counts as an impact.
 
-use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point3, Vector2, Vector3};
+use nalgebra::{Matrix3, Matrix3x6, Matrix6, Point2, Point3, Vector2, Vector3};
 
 use super::body::{Body, Velocities};
 use super::coupling::about_center;
 use crate::mpm::boundary::{Boundary, Contact};
+use crate::numeric::hull::planar;
 
 /// Gap below which a point counts as touching, as a share of the body's radius: a body that rolls over a corner moves
 /// it by the square of the angle turned in a step.
@@ -205,10 +206,10 @@ impl Ground {
             let fastest = pressing().max_by(|a, b| a.approach_m_s.total_cmp(&b.approach_m_s));
             let Some(fastest) = fastest.filter(|touch| touch.approach_m_s > 0.0) else { continue };
             let (approach, added) = (fastest.approach_m_s, fallen_m_s + fastest.loaded_m_s);
-            let patch: Vec<[f64; 2]> = touches
+            let patch: Vec<Point2<f64>> = touches
                 .iter()
                 .filter(|touch| touch.face == at && (touch.landed || touch.gap_m <= approach * dt_s))
-                .map(|touch| self.tangents.map(|tangent| touch.arm.dot(&tangent)))
+                .map(|touch| Point2::from(self.tangents.map(|tangent| touch.arm.dot(&tangent))))
                 .collect();
             let face = &mut body.faces[at];
             let area_m2 = area_of_hull(patch).max(face.least_area_m2);
@@ -221,29 +222,10 @@ impl Ground {
     }
 }
 
-/// Area of the convex hull of points of a plane (Andrew's monotone chain).
-fn area_of_hull(mut points: Vec<[f64; 2]>) -> f64 {
-    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
-    let turn = |o: &[f64; 2], a: &[f64; 2], b: &[f64; 2]| (a[0] - o[0]) * (b[1] - o[1]) - (a[1] - o[1]) * (b[0] - o[0]);
-    let chain = |points: &mut dyn Iterator<Item = &[f64; 2]>| {
-        let mut hull: Vec<[f64; 2]> = Vec::new();
-        for point in points {
-            while hull.len() > 1 && turn(&hull[hull.len() - 2], &hull[hull.len() - 1], point) <= 0.0 {
-                hull.pop();
-            }
-            hull.push(*point);
-        }
-        hull.pop();
-        hull
-    };
-    let mut hull = chain(&mut points.iter());
-    hull.extend(chain(&mut points.iter().rev()));
-    let twice: f64 = (0..hull.len())
-        .map(|i| {
-            let (a, b) = (hull[i], hull[(i + 1) % hull.len()]);
-            a[0] * b[1] - b[0] * a[1]
-        })
-        .sum();
+/// Area of the convex hull of points of a plane.
+fn area_of_hull(points: Vec<Point2<f64>>) -> f64 {
+    let hull = planar(points);
+    let twice: f64 = (0..hull.len()).map(|i| hull[i].coords.perp(&hull[(i + 1) % hull.len()].coords)).sum();
     twice / 2.0
 }
 
@@ -253,9 +235,9 @@ mod tests {
 
     #[test]
     fn hull_of_a_square_with_points_inside_and_on_its_sides() {
-        let points = vec![[0.0, 0.0], [2.0, 0.0], [1.0, 0.0], [2.0, 2.0], [0.0, 2.0], [1.0, 1.0], [0.5, 1.5]];
-        assert!((area_of_hull(points) - 4.0).abs() < 1e-12);
-        assert_eq!(area_of_hull(vec![[0.0, 0.0], [3.0, 4.0]]), 0.0);
+        let points = [[0.0, 0.0], [2.0, 0.0], [1.0, 0.0], [2.0, 2.0], [0.0, 2.0], [1.0, 1.0], [0.5, 1.5]];
+        assert!((area_of_hull(points.map(Point2::from).to_vec()) - 4.0).abs() < 1e-12);
+        assert_eq!(area_of_hull(vec![Point2::origin(), Point2::new(3.0, 4.0)]), 0.0);
         assert_eq!(area_of_hull(vec![]), 0.0);
     }
 }

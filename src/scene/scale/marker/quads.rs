@@ -8,6 +8,7 @@ use nalgebra::Point2;
 
 use super::plane::Plane;
 use crate::numeric::forest::Forest;
+use crate::numeric::hull::{planar, turn};
 
 /// A pixel's neighbourhood is a square that extends this far from it. It must reach beyond the border of a small marker;
 /// larger ones are found in the halved pictures.
@@ -124,33 +125,9 @@ fn outlines(dark: &[bool], width: usize) -> Vec<Vec<Point2<f64>>> {
     blobs.into_iter().filter_map(ends).collect()
 }
 
-/// Twice the area of a triangle, positive if it is clockwise as seen.
-fn turn(a: Point2<f64>, b: Point2<f64>, c: Point2<f64>) -> f64 {
-    (b - a).perp(&(c - a))
-}
-
-/// The convex hull, clockwise as seen (Andrew's monotone chain).
-fn hull(mut points: Vec<Point2<f64>>) -> Vec<Point2<f64>> {
-    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
-    let chain = |points: &mut dyn Iterator<Item = Point2<f64>>| {
-        let mut chain: Vec<Point2<f64>> = Vec::new();
-        for point in points {
-            while chain.len() > 1 && turn(chain[chain.len() - 2], chain[chain.len() - 1], point) <= 0.0 {
-                chain.pop();
-            }
-            chain.push(point);
-        }
-        chain.pop();
-        chain
-    };
-    let mut hull = chain(&mut points.iter().copied());
-    hull.extend(chain(&mut points.iter().rev().copied()));
-    hull
-}
-
 /// The largest quadrilateral whose corners are among those of the outline's hull, if it fills most of the hull.
 fn quad(outline: &[Point2<f64>]) -> Option<Quad> {
-    let hull = hull(outline.to_vec());
+    let hull = planar(outline.to_vec());
     let count = hull.len();
     if count < 4 {
         return None;

@@ -8,23 +8,23 @@ use crate::query::{Answer, Answers, Outcome, SubjectId};
 use crate::words::output::{agreeing, counted};
 
 /// A segment of one view, or a part as one view shows it.
-pub(super) struct AnsweredSegment<'a> {
+pub(super) struct AnsweredSubject<'a> {
     /// Index of the view.
     pub view: usize,
     /// Id in the view's label map.
-    pub segment: u16,
+    pub id: u16,
     /// The answer about the segment; for a part, the one with most weight.
     pub answer: &'a Answer,
-    /// Index into [`AnsweredSegments::materials`].
+    /// Index into [`AnsweredSubjects::materials`].
     pub material: u32,
 }
 
-/// The answered segments of all views, by view, then by id.
-pub(super) struct AnsweredSegments<'a> {
-    pub segments: Vec<AnsweredSegment<'a>>,
+/// The answered subjects of all views, by view, then by id.
+pub(super) struct AnsweredSubjects<'a> {
+    pub subjects: Vec<AnsweredSubject<'a>>,
     /// Names of the materials that the answers give, sorted.
     pub materials: Vec<&'a str>,
-    /// For every view, by segment id: index into `segments`.
+    /// For every view, by segment id: index into `subjects`.
     index: Vec<Vec<Option<u32>>>,
     pub warnings: Vec<String>,
     pub notes: Vec<String>,
@@ -32,7 +32,7 @@ pub(super) struct AnsweredSegments<'a> {
     pub in_maps: usize,
 }
 
-impl<'a> AnsweredSegments<'a> {
+impl<'a> AnsweredSubjects<'a> {
     /// Segments of the label maps without an answer are counted in the warnings, as are views without segments.
     ///
     /// # Errors
@@ -45,9 +45,9 @@ impl<'a> AnsweredSegments<'a> {
                 Outcome::Failed(_) => None,
             }
         });
-        for segment in &found.segments {
-            let about = || format!("segment {} of view `{}`", segment.segment, views[segment.view].name);
-            check_material(segment.answer, about, library)?;
+        for subject in &found.subjects {
+            let about = || format!("segment {} of view `{}`", subject.id, views[subject.view].name);
+            check_material(subject.answer, about, library)?;
         }
         found.name_materials(&[]);
         Ok(found)
@@ -75,7 +75,7 @@ impl<'a> AnsweredSegments<'a> {
 
     fn of_answers(views: &[ViewInput], what: &str, answer: impl Fn(usize, u16) -> Option<&'a Answer>) -> Self {
         let mut found =
-            Self { segments: vec![], materials: vec![], index: vec![], warnings: vec![], notes: vec![], in_maps: 0 };
+            Self { subjects: vec![], materials: vec![], index: vec![], warnings: vec![], notes: vec![], in_maps: 0 };
         let mut unanswered = Vec::new();
         for (number, view) in views.iter().enumerate() {
             let present = ids_of(view);
@@ -87,8 +87,8 @@ impl<'a> AnsweredSegments<'a> {
             for id in (0..present.len()).filter(|&id| present[id]) {
                 match answer(number, id as u16) {
                     Some(answer) => {
-                        index[id] = Some(found.segments.len() as u32);
-                        found.segments.push(AnsweredSegment { view: number, segment: id as u16, answer, material: 0 });
+                        index[id] = Some(found.subjects.len() as u32);
+                        found.subjects.push(AnsweredSubject { view: number, id: id as u16, answer, material: 0 });
                     }
                     None => unanswered.push(format!("{}/{id}", view.name)),
                 }
@@ -108,13 +108,13 @@ impl<'a> AnsweredSegments<'a> {
 
     /// Numbers the materials of the segments' answers and those in `more`.
     fn name_materials(&mut self, more: &[&'a str]) {
-        self.materials = self.segments.iter().map(|segment| segment.answer.material.as_str()).collect();
+        self.materials = self.subjects.iter().map(|subject| subject.answer.material.as_str()).collect();
         self.materials.extend(more);
         self.materials.sort_unstable();
         self.materials.dedup();
-        for segment in &mut self.segments {
-            let place = self.materials.binary_search(&segment.answer.material.as_str());
-            segment.material = place.expect("every answer's material is listed") as u32;
+        for subject in &mut self.subjects {
+            let place = self.materials.binary_search(&subject.answer.material.as_str());
+            subject.material = place.expect("every answer's material is listed") as u32;
         }
     }
 
