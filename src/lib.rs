@@ -49,14 +49,17 @@
 //! Data moves to the right only; [`pipeline`] alone knows all the stages:
 //!
 //! ```text
-//!  scene/     segment/         consensus/   query/       vote/            parts/        simulate/   grasp/
-//!  PLY,       SAM's masks      the parts    LMM names    every view       volume,       MPM on the  F_min, F_max,
-//!  cameras -> of each view, -> of the    -> each part's  votes on the  -> thickness, -> Gaussians-> F*, gripper
-//!  images     nested           object in    material in  Gaussians that   mass          (Frames)    (GraspReport)
-//!  (Scene)    (Segmentation)   3D           its best     it sees          (Parts)
-//!                              (consensus:: views        (MaterialField)
-//!                              Parts)       (Answers)                                       report/ export/
+//!  scene/        segment/       consensus/   query/            vote/            parts/       simulate/   grasp/
+//!  splat or      SAM's masks    the parts    a model says      every view       volume,      MPM on the  F_min, F_max,
+//!  mesh, photos, of each view,  of the       what the object   votes on the     thickness,   Gaussians   F*, gripper
+//!  cameras,   -> nested      -> object    -> and its parts  -> Gaussians that -> mass,     -> (frames) -> (GraspReport)
+//!  scale, up,    (Segmentation) in 3D        are made of       it sees          the belief
+//!  objects                      (consensus:: (Answers)         (MaterialField)  (Parts)
+//!  (Scene)                       Parts)                                                     report/ export/
 //! ```
+//!
+//! A mesh becomes flat Gaussians and drawn views in [`scene`], and a capture of several objects one scene for each, so
+//! that the stages after it do not differ.
 //!
 //! [`render`] draws Gaussians for every stage after [`scene`]; [`pictures`] holds the pictures that several stages
 //! make, [`pictures::plots`] draws their plots. Imports never lead back, neither between these modules nor between files;
@@ -99,8 +102,6 @@ pub mod files;
 #[doc(hidden)]
 pub mod film;
 #[doc(hidden)]
-pub mod from_mesh;
-#[doc(hidden)]
 pub mod from_splat;
 #[doc(hidden)]
 pub mod gaussians;
@@ -108,8 +109,6 @@ pub mod gaussians;
 pub mod grasp;
 #[doc(hidden)]
 pub mod inspect;
-#[doc(hidden)]
-pub mod lettering;
 #[doc(hidden)]
 pub mod links;
 #[doc(hidden)]

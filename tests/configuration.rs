@@ -10,7 +10,7 @@ use tempfile::TempDir;
 use crate::batch::ball::Balls;
 use crate::query::client::{CANARY, Server, error};
 use crate::run::gprop;
-use crate::support::skipped;
+use crate::support::{said, skipped};
 
 /// Keys that no scene may set, each with a value that its option accepts.
 const REFUSED: [(&str, &str); 29] = [
@@ -68,10 +68,6 @@ impl Home {
         command.env_remove("OPENAI_API_KEY").env("XDG_CONFIG_HOME", self.0.path());
         command
     }
-}
-
-fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
 /// Appends lines to a scene's file.

@@ -2,7 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -10,6 +10,7 @@ use tempfile::TempDir;
 use crate::batch::ball::Balls;
 use crate::query::client::{Server, error};
 use crate::run::gprop;
+use crate::support::stderr;
 
 /// The beginning of the line that says which options of the last run are used.
 const SAID: &str = "options of the last run: ";
@@ -76,10 +77,6 @@ impl Ball {
         let views: Value = serde_json::from_slice(&fs::read(self.work().join("views.json")).unwrap()).unwrap();
         views["views"].as_array().unwrap().iter().map(|view| view["name"].as_str().unwrap().to_owned()).collect()
     }
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// The stages that were done, not reused, by the last command that reached them.

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::os::unix::fs::symlink;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 
 use gprop::segment::sam::Sam;
 use gprop::setup::ModelFiles;
@@ -17,7 +17,7 @@ use crate::query::offline::{assert_untouched, listener};
 use crate::run::{gprop, hammer};
 use crate::segment::models::tiny;
 use crate::setup::build_library;
-use crate::support::{models, skipped};
+use crate::support::{models, skipped, stderr};
 
 /// Passes every call on to ONNX Runtime, but first tries to connect, to open a socket, to write and to have a child write: when it is
 /// loaded, when it is asked for its interface, when a model runs, when the process ends, and all the time on a thread of its own.
@@ -116,10 +116,6 @@ fn commands(files: &ModelFiles, scene: &Path, out: &Path) -> Vec<Vec<PathBuf>> {
     all.map(|command| [command, tiny_models(files)].concat()).into()
 }
 
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
 #[test]
 fn a_library_that_phones_home_reaches_nobody() {
     let Some(files) = tiny("a_library_that_phones_home_reaches_nobody", "multi_mask") else { return };
@@ -135,8 +131,8 @@ fn a_library_that_phones_home_reaches_nobody() {
         let command =
             if variable { command.env("ORT_DYLIB_PATH", &library) } else { command.arg("--ort-lib").arg(&library) };
         let output = command.output().unwrap();
-        assert!(output.status.success(), "{arguments:?}: {}", said(&output));
-        said(&output)
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+        stderr(&output)
     };
     for (arguments, variable) in
         commands(&files, scene.path(), folder.path()).iter().zip([false, true].into_iter().cycle())
@@ -181,7 +177,7 @@ impl Strace {
     /// Runs the program, which must succeed.
     fn watch(mut self) -> Watched {
         let output = self.command.output().unwrap();
-        assert!(output.status.success(), "{:?}: {}", self.command, said(&output));
+        assert!(output.status.success(), "{:?}: {}", self.command, stderr(&output));
         Watched { calls: whole_calls(&fs::read_to_string(self.log.path()).unwrap()) }
     }
 }
@@ -313,7 +309,7 @@ fn of_npm(test: &str, files: &ModelFiles) -> Option<PathBuf> {
         setup.arg("setup").args(tiny_models(files)).env("XDG_CACHE_HOME", &cache).env("PATH", programs.path());
         let output = setup.env_remove("ORT_DYLIB_PATH").output().unwrap();
         if !output.status.success() {
-            skipped(test, &format!("onnxruntime-node cannot be fetched: {}", said(&output)));
+            skipped(test, &format!("onnxruntime-node cannot be fetched: {}", stderr(&output)));
             return None;
         }
         let left: Vec<_> = fs::read_dir(&cache).unwrap().map(|entry| entry.unwrap().file_name()).collect();

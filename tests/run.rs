@@ -10,7 +10,7 @@ use tempfile::TempDir;
 
 use crate::batch::ball::Balls;
 use crate::batch::contents;
-use crate::support::models;
+use crate::support::{models, stderr};
 
 /// Two of the hammer's ten views, a coarse grid, a short simulation and a small film: every stage in seconds. The last
 /// option is the user's, the others are a scene's.
@@ -86,10 +86,6 @@ pub fn give_segments(work: &Path) {
 
 fn run(scene: &Path, arguments: &[&str]) -> Output {
     gprop().arg("run").arg(scene).args(arguments).output().unwrap()
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 fn json(path: PathBuf) -> Value {

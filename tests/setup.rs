@@ -9,7 +9,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use gprop::setup::catalog::{ONNXRUNTIME_WHEEL, SAM_DECODER, SAM_ENCODER};
-use gprop::setup::{Environment, ModelFiles, Options, SetupError, doctor_in, obtain_in};
+use gprop::setup::doctor::examine;
+use gprop::setup::{Environment, ModelFiles, Options, SetupError, obtain_in};
 use gprop::words::progress::Progress;
 
 use crate::support;
@@ -174,7 +175,7 @@ fn a_damaged_cache_is_said_offline_and_mended_online() {
     fs::write(machine.cached(SAM_DECODER.cached), "cut short").unwrap();
     let options = Options { offline: true, ort_lib: Some(files.onnxruntime.clone()), ..Options::default() };
     assert_says(&machine.failure(&options), &["damaged", SAM_DECODER.sha256, "gprop setup"]);
-    let doctor = doctor_in(&options, &machine.environment);
+    let doctor = examine(&options, &machine.environment);
     assert!(!doctor.ok && doctor.sam.decoder.is_none() && doctor.sam.encoder.is_some(), "{doctor:?}");
     let mended = machine.obtain(&Options { offline: false, ..options }).unwrap();
     assert_eq!(fs::read(mended.decoder).unwrap(), fs::read(files.decoder).unwrap());
@@ -235,7 +236,7 @@ pub fn build_library(folder: &Path, name: &str, code: &str) -> PathBuf {
 fn doctor_shows_a_path_that_is_not_unicode() {
     let mut machine = Machine::new();
     machine.environment.cache = Some(OsStr::from_bytes(b"/nowhere/caf\xe9").into());
-    let shown = serde_json::to_value(doctor_in(&Options::default(), &machine.environment)).unwrap();
+    let shown = serde_json::to_value(examine(&Options::default(), &machine.environment)).unwrap();
     assert_eq!(shown["cache"], "/nowhere/caf\u{fffd}");
     assert!(shown["ffmpeg"].is_null(), "{shown}");
 }
@@ -243,7 +244,7 @@ fn doctor_shows_a_path_that_is_not_unicode() {
 #[test]
 fn doctor_names_what_is_there_without_fetching() {
     let empty = Machine::new().with_client("python3", "touch \"$0.was-run\"");
-    let doctor = doctor_in(&Options::default(), &empty.environment);
+    let doctor = examine(&Options::default(), &empty.environment);
     assert!(!doctor.ok);
     assert_eq!(doctor.problems.len(), 3, "{:?}", doctor.problems);
     assert!(!empty.folder.path().join("bin/python3.was-run").exists());
@@ -254,7 +255,7 @@ fn doctor_names_what_is_there_without_fetching() {
 
     let mut homeless = Machine::new();
     homeless.environment.cache = None;
-    let doctor = doctor_in(&Options::default(), &homeless.environment);
+    let doctor = examine(&Options::default(), &homeless.environment);
     assert_eq!(doctor.problems.len(), 1, "one thing is wrong: {:?}", doctor.problems);
     assert_says(&doctor.problems[0], &["neither XDG_CACHE_HOME nor HOME is set"]);
 
@@ -265,7 +266,7 @@ fn doctor_names_what_is_there_without_fetching() {
         sam_decoder: Some(files.decoder),
         ..Options::default()
     };
-    let json = serde_json::to_value(doctor_in(&options, &empty.environment)).unwrap();
+    let json = serde_json::to_value(examine(&options, &empty.environment)).unwrap();
     assert_eq!(json["ok"], true, "{json}");
     assert!(json["onnxruntime"]["path"].is_string() && json["onnxruntime"]["version"].is_string(), "{json}");
     assert!(json["sam"]["encoder"].is_string() && json["sam"]["decoder"].is_string(), "{json}");
@@ -304,7 +305,7 @@ fn the_wheels_dependency_is_found_beside_the_program_and_only_as_published() {
     fs::create_dir_all(library.parent().unwrap()).unwrap();
     fs::copy(&files.onnxruntime, &library).unwrap();
     let published = gprop::workdir::Checksum::of_file(&library).unwrap().sha256 == file.sha256;
-    let found = doctor_in(&Options::default(), &machine.environment).onnxruntime;
+    let found = examine(&Options::default(), &machine.environment).onnxruntime;
     assert_eq!(found.path.is_some(), published, "{found:?}");
     if published {
         assert_eq!((found.path, found.version.as_deref()), (Some(library.clone()), Some(ONNXRUNTIME_WHEEL.version)));
@@ -313,7 +314,7 @@ fn the_wheels_dependency_is_found_beside_the_program_and_only_as_published() {
     let mut bytes = fs::read(&library).unwrap();
     bytes.push(0);
     fs::write(&library, bytes).unwrap();
-    assert_eq!(doctor_in(&Options::default(), &machine.environment).onnxruntime.path, None);
+    assert_eq!(examine(&Options::default(), &machine.environment).onnxruntime.path, None);
 }
 
 #[test]

@@ -7,7 +7,6 @@ use std::fmt::Debug;
 use std::fs::File;
 use std::num::{NonZeroU32, NonZeroUsize};
 use std::path::{Path, PathBuf};
-use std::process::Output;
 
 use clap::error::ErrorKind;
 use clap::{Arg, Command};
@@ -16,6 +15,7 @@ use tempfile::TempDir;
 
 use crate::batch::ball::Balls;
 use crate::run::gprop;
+use crate::support::stderr;
 
 /// Every command with the words that invoke it, parents before children.
 pub fn commands() -> Vec<(Vec<String>, Command)> {
@@ -223,10 +223,6 @@ fn two_formats_with_the_same_files_are_refused_before_anything_is_written() {
     assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("VIEW_s.npy"), "{}", stderr(&output));
     assert!(!balls.scene(0).join("gprop/segments").exists());
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// The kind of path that an option requires.

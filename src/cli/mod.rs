@@ -145,56 +145,74 @@ fn parse(arguments: &[OsString]) -> Result<Cli> {
     parse_with(arguments, config::user_file().as_deref())
 }
 
-/// Like [`parse`], with the user's configuration in `user_file`. A first pass, which ignores errors, finds the command
-/// and the scene.
+/// Like [`parse`], with the user's configuration in `user_file`.
 fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> Result<Cli> {
-    let first_look = |arguments: &[OsString]| command().ignore_errors(true).try_get_matches_from(arguments);
-    let mut all = arguments.to_vec();
-    let mut stages = StageFlags::default();
-    let mut files = Vec::new();
-    if let Ok(matches) = &first_look(arguments) {
-        let (place, command, matches) = innermost(arguments, matches);
-        let known = known_flags();
-        stages.typed = stage_flags(matches);
-        let scene = matches.try_get_one::<PathBuf>("scene").ok().flatten();
-        let none = || Ok(config::FileFlags::default());
-        let mut user = user_file.map_or_else(none, |path| config::flags_of_user(path, &known))?;
-        let in_scene = scene.map_or_else(none, |scene| config::flags_of_scene(scene, &known))?;
-        user.yield_to(&in_scene);
-        let (mut of_user, mut of_scene) = (user.flags.clone(), in_scene.flags.clone());
-        files.extend([in_scene, user]);
-        let mut of_last_run =
-            scene.map_or_else(|| Ok(Vec::new()), |scene| last_run::flags(&command, matches, scene, &known))?;
-        drop_replaced_parameters([&mut of_user, &mut of_scene, &mut of_last_run], &stages.typed);
-        let preset = preset(matches, [&of_last_run, &of_user]);
-        let mut flags: Vec<OsString> = preset.flags().iter().map(OsString::from).collect();
-        flags.extend([of_user, of_scene].concat());
-        // The files apply to all commands; each command takes the options that it has.
-        let takes = |flag: &OsString| match config::name_of(flag) {
-            // Inserted after the command's name, it would override one typed before that name.
-            THREADS => !matches.contains_id(THREADS),
-            name => command.get_arguments().any(|argument| argument.get_long() == Some(name)),
-        };
-        flags.retain(takes);
-        // clap lets a typed flag override those of the last run that contradict it.
-        let go_on = [&arguments[..place], &of_last_run[..], &arguments[place..]].concat();
-        let own = first_look(&go_on).map_or_else(|_| Vec::new(), |own| stage_flags(innermost(&go_on, &own).2));
-        all.splice(place..place, [flags, of_last_run].concat());
-        stages.of_last_run = own.iter().filter(|flag| !stages.typed.contains(flag)).cloned().collect();
-        stages.once = last_run::once(command.get_name());
-        stages.recorded = scene.map(|scene| last_run::recorded(&own, scene, &known)).unwrap_or_default();
-    }
-    // A value that a file sets and its option refuses is reported with its place. clap's usage lists every flag that was
-    // given, so an error of the typed arguments is reported without the flags inserted before them.
-    let matches = command().try_get_matches_from(all).map_err(|error| {
-        let problem_with = |flag: &OsString| pipeline::problem_with(flag, with_flags_of_files(), &error);
-        let invalid = files.iter().find_map(|file| file.invalid_value(&problem_with));
-        invalid.map_or_else(|| as_typed(arguments, error).into(), Error::from)
-    })?;
+    let Inserted { arguments: all, files, mut stages } = insert_flags(arguments, user_file)?;
+    let matches = command().try_get_matches_from(all).map_err(|error| with_its_place(error, arguments, &files))?;
     let mut cli = Cli::from_arg_matches(&matches)?;
     stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     cli.global.flags = stages;
     Ok(cli)
+}
+
+/// The arguments with the flags of the configuration files and of the last run.
+struct Inserted {
+    arguments: Vec<OsString>,
+    /// The files that the flags come from: the scene's, then the user's.
+    files: Vec<config::FileFlags>,
+    stages: StageFlags,
+}
+
+/// Inserts the flags of the files and of the last run after the command's name. A first pass, which ignores errors, finds
+/// the command and the scene; without them, nothing is inserted.
+///
+/// # Errors
+/// Typed errors of the files.
+fn insert_flags(typed: &[OsString], user_file: Option<&Path>) -> Result<Inserted> {
+    let first_look = |arguments: &[OsString]| command().ignore_errors(true).try_get_matches_from(arguments);
+    let mut stages = StageFlags::default();
+    let Ok(matches) = &first_look(typed) else {
+        return Ok(Inserted { arguments: typed.to_vec(), files: Vec::new(), stages });
+    };
+    let (place, command, matches) = innermost(typed, matches);
+    let known = known_flags();
+    stages.typed = stage_flags(matches);
+    let scene = matches.try_get_one::<PathBuf>("scene").ok().flatten();
+    let none = || Ok(config::FileFlags::default());
+    let mut user = user_file.map_or_else(none, |path| config::flags_of_user(path, &known))?;
+    let in_scene = scene.map_or_else(none, |scene| config::flags_of_scene(scene, &known))?;
+    user.yield_to(&in_scene);
+    let (mut of_user, mut of_scene) = (user.flags.clone(), in_scene.flags.clone());
+    let mut of_last_run =
+        scene.map_or_else(|| Ok(Vec::new()), |scene| last_run::flags(&command, matches, scene, &known))?;
+    drop_replaced_parameters([&mut of_user, &mut of_scene, &mut of_last_run], &stages.typed);
+    let preset = preset(matches, [&of_last_run, &of_user]);
+    let mut flags: Vec<OsString> = preset.flags().iter().map(OsString::from).collect();
+    flags.extend([of_user, of_scene].concat());
+    // The files apply to all commands; each command takes the options that it has.
+    let takes = |flag: &OsString| match config::name_of(flag) {
+        // Inserted after the command's name, it would override one typed before that name.
+        THREADS => !matches.contains_id(THREADS),
+        name => command.get_arguments().any(|argument| argument.get_long() == Some(name)),
+    };
+    flags.retain(takes);
+    // clap lets a typed flag override those of the last run that contradict it.
+    let go_on = [&typed[..place], &of_last_run[..], &typed[place..]].concat();
+    let own = first_look(&go_on).map_or_else(|_| Vec::new(), |own| stage_flags(innermost(&go_on, &own).2));
+    stages.of_last_run = own.iter().filter(|flag| !stages.typed.contains(flag)).cloned().collect();
+    stages.once = last_run::once(command.get_name());
+    stages.recorded = scene.map(|scene| last_run::recorded(&own, scene, &known)).unwrap_or_default();
+    let arguments = [&typed[..place], &flags[..], &of_last_run[..], &typed[place..]].concat();
+    Ok(Inserted { arguments, files: vec![in_scene, user], stages })
+}
+
+/// An error of the arguments and the inserted flags: a value that a file sets and its option refuses is reported with its
+/// place. clap's usage lists every flag that was given, so an error of the typed arguments is reported without the flags
+/// inserted before them.
+fn with_its_place(error: clap::Error, typed: &[OsString], files: &[config::FileFlags]) -> Error {
+    let problem_with = |flag: &OsString| pipeline::problem_with(flag, with_flags_of_files(), &error);
+    let invalid = files.iter().find_map(|file| file.invalid_value(&problem_with));
+    invalid.map_or_else(|| as_typed(typed, error).into(), Error::from)
 }
 
 /// The error of the typed `arguments` alone if it is of the same kind as `error`, which they cause together with the

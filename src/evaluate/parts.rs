@@ -70,7 +70,6 @@ pub struct TruePart {
     /// IoU of the best single found part.
     pub best_iou: f64,
     /// Number of found parts that show more of it than of any other.
-    #[serde(rename = "pieces")]
     pub found_parts: f64,
 }
 

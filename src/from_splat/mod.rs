@@ -2,6 +2,7 @@
 //! there are no photos, from the splat or the mesh.
 
 mod foreground;
+mod mesh;
 mod orbit;
 
 pub use foreground::{foreground, photo_with_foreground};

@@ -8,9 +8,9 @@ use image::codecs::png::PngEncoder;
 use image::{Rgba, RgbaImage};
 use nalgebra::{Isometry3, Point3, Vector3};
 
+use super::mesh;
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::files::write::Folder;
-use crate::from_mesh;
 use crate::numeric::{sphere_directions, upper_median};
 use crate::render::{NEAR, Render, RenderOptions, render};
 use crate::scene::{Scene, Upright, View};
@@ -87,7 +87,7 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, write_to: Op
 /// The object as the camera sees it, with alpha.
 fn drawn(scene: &Scene, camera: &Camera) -> RgbaImage {
     match &scene.mesh {
-        Some(mesh) => from_mesh::picture(&mesh.painted, camera),
+        Some(mesh) => mesh::picture(&mesh.painted, camera),
         None => straight(&render(&scene.gaussians, camera, &RenderOptions::default())),
     }
 }

@@ -5,7 +5,7 @@ use std::io;
 
 use serde_json::{Value, json};
 
-use super::shape::{LinkShape, Piece};
+use super::shape::{LinkShape, PlacedShape};
 use crate::export::gltf::Gltf;
 use crate::scene::mesh::gltf::physics::EXTENSION;
 use crate::scene::mesh::{Alpha, Face, Material, Mesh, Wrapping};
@@ -21,13 +21,13 @@ const GREY: f32 = 0.6;
 pub fn write(shape: &LinkShape, claimed_mass_kg: Option<f64>, out: &mut dyn io::Write) -> io::Result<()> {
     let mut gltf = Gltf::default();
     let mut nodes = Vec::new();
-    for piece in &shape.pieces {
-        let primitives = match &piece.mesh {
-            Some(mesh) => of_mesh(&mut gltf, piece, mesh),
+    for placed in &shape.shapes {
+        let primitives = match &placed.mesh {
+            Some(mesh) => of_mesh(&mut gltf, placed, mesh),
             None => {
                 let look = Material { base_color: [GREY, GREY, GREY, 1.0], ..Material::default() };
                 let material = add_material(&mut gltf, &look, None);
-                vec![primitive(&mut gltf, piece, None, (0..piece.surface.triangles.len()).collect(), material)]
+                vec![primitive(&mut gltf, placed, None, (0..placed.surface.triangles.len()).collect(), material)]
             }
         };
         gltf.meshes.push(json!({ "primitives": primitives }));
@@ -43,7 +43,7 @@ pub fn write(shape: &LinkShape, claimed_mass_kg: Option<f64>, out: &mut dyn io::
 }
 
 /// One primitive for each material that is used.
-fn of_mesh(gltf: &mut Gltf, piece: &Piece, mesh: &Mesh) -> Vec<Value> {
+fn of_mesh(gltf: &mut Gltf, placed: &PlacedShape, mesh: &Mesh) -> Vec<Value> {
     let mut of_material: Vec<Vec<usize>> = vec![Vec::new(); mesh.materials.len()];
     mesh.faces.iter().enumerate().for_each(|(n, face)| of_material[face.material as usize].push(n));
     let mut textures: HashMap<u32, usize> = HashMap::new();
@@ -59,7 +59,7 @@ fn of_mesh(gltf: &mut Gltf, piece: &Piece, mesh: &Mesh) -> Vec<Value> {
             Some(number)
         });
         let material = add_material(gltf, material, texture);
-        primitive(gltf, piece, Some(mesh), triangles, material)
+        primitive(gltf, placed, Some(mesh), triangles, material)
     })
     .collect()
 }
@@ -83,7 +83,13 @@ fn add_material(gltf: &mut Gltf, material: &Material, texture: Option<usize>) ->
 }
 
 /// Triangles with one material; corners that share position and texture coordinates become one vertex.
-fn primitive(gltf: &mut Gltf, piece: &Piece, mesh: Option<&Mesh>, triangles: Vec<usize>, material: usize) -> Value {
+fn primitive(
+    gltf: &mut Gltf,
+    placed: &PlacedShape,
+    mesh: Option<&Mesh>,
+    triangles: Vec<usize>,
+    material: usize,
+) -> Value {
     let faces: &[Face] = mesh.map_or(&[], |mesh| &mesh.faces);
     let vertex_colors: &[[f32; 4]] = mesh.map_or(&[], |mesh| &mesh.vertex_colors);
     let (mut numbers, mut corners) = (HashMap::new(), Vec::new());
@@ -92,9 +98,9 @@ fn primitive(gltf: &mut Gltf, piece: &Piece, mesh: Option<&Mesh>, triangles: Vec
     for n in triangles {
         let of_corners = faces.get(n).and_then(|face| face.texture_coordinates).unwrap_or_default();
         let corner = |corner: usize| {
-            let (vertex, at) = (piece.surface.triangles[n][corner], of_corners[corner]);
+            let (vertex, at) = (placed.surface.triangles[n][corner], of_corners[corner]);
             *numbers.entry((vertex, at.map(f32::to_bits))).or_insert_with(|| {
-                positions.push(piece.surface.vertices[vertex as usize].map(|value| value as f32));
+                positions.push(placed.surface.vertices[vertex as usize].map(|value| value as f32));
                 coordinates.push(at);
                 colors.extend(vertex_colors.get(vertex as usize).copied());
                 positions.len() as u32 - 1

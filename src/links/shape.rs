@@ -13,11 +13,11 @@ use crate::scene::mesh::{self, Axes, Mesh, Triangles};
 
 /// The surfaces of a link, in metres, in its own frame.
 pub struct LinkShape {
-    pub pieces: Vec<Piece>,
+    pub shapes: Vec<PlacedShape>,
 }
 
 /// A surface of a link.
-pub struct Piece {
+pub struct PlacedShape {
     pub surface: Triangles,
     /// The mesh that it is a copy of, with its looks; `None` for simple shapes.
     pub mesh: Option<std::rc::Rc<Mesh>>,
@@ -54,34 +54,38 @@ pub fn of_link(body: &Body, meshes: &mut Meshes, warnings: &mut Vec<String>) -> 
     let mut problems = Vec::new();
     let is_seen = |shape: &&Shape| shape.role.is_seen();
     let collides = |shape: &&Shape| shape.role.collides();
-    let mut pieces = pieces(body.shapes.iter().filter(is_seen), meshes, &mut problems);
+    let mut shapes = placed_shapes(body.shapes.iter().filter(is_seen), meshes, &mut problems);
     // A link that shows only half of itself would weigh half.
-    if pieces.is_empty() || !problems.is_empty() {
-        let colliding = self::pieces(body.shapes.iter().filter(collides), meshes, &mut problems);
+    if shapes.is_empty() || !problems.is_empty() {
+        let colliding = placed_shapes(body.shapes.iter().filter(collides), meshes, &mut problems);
         if !colliding.is_empty() {
-            pieces = colliding;
+            shapes = colliding;
         }
     }
     if let Some(first) = problems.first() {
-        let used = if pieces.is_empty() { "it is left out" } else { "what else could be read of it is used" };
+        let used = if shapes.is_empty() { "it is left out" } else { "what else could be read of it is used" };
         warnings.push(format!("link {:?}: {first}; {used}", body.name));
     }
-    (!pieces.is_empty()).then_some(LinkShape { pieces })
+    (!shapes.is_empty()).then_some(LinkShape { shapes })
 }
 
-fn pieces<'a>(shapes: impl Iterator<Item = &'a Shape>, meshes: &mut Meshes, problems: &mut Vec<String>) -> Vec<Piece> {
-    let mut pieces = Vec::new();
+fn placed_shapes<'a>(
+    shapes: impl Iterator<Item = &'a Shape>,
+    meshes: &mut Meshes,
+    problems: &mut Vec<String>,
+) -> Vec<PlacedShape> {
+    let mut all = Vec::new();
     for shape in shapes {
-        match piece(shape, meshes) {
-            Ok(piece) => pieces.extend(piece),
+        match placed_shape(shape, meshes) {
+            Ok(placed) => all.extend(placed),
             Err(problem) => problems.push(problem),
         }
     }
-    pieces
+    all
 }
 
 /// The surface of a shape; `None` for a plane, which has no end.
-fn piece(shape: &Shape, meshes: &mut Meshes) -> Result<Option<Piece>, String> {
+fn placed_shape(shape: &Shape, meshes: &mut Meshes) -> Result<Option<PlacedShape>, String> {
     let pose = &shape.body_from_shape;
     match &shape.geometry {
         Geometry::Plane => Ok(None),
@@ -89,13 +93,13 @@ fn piece(shape: &Shape, meshes: &mut Meshes) -> Result<Option<Piece>, String> {
         Geometry::Mesh(used) => {
             let path = used.file.as_ref().map_err(ToString::to_string)?;
             let mesh = meshes.get(path)?;
-            Ok(Some(Piece { surface: placed(&mesh.surface, used, pose), mesh: Some(mesh) }))
+            Ok(Some(PlacedShape { surface: placed(&mesh.surface, used, pose), mesh: Some(mesh) }))
         }
-        Geometry::Own(own) => Ok(Some(Piece { surface: own.surface.as_ref().clone(), mesh: None })),
+        Geometry::Own(own) => Ok(Some(PlacedShape { surface: own.surface.as_ref().clone(), mesh: None })),
         simple => {
             let mut surface = simple::surface(simple);
             surface.vertices.iter_mut().for_each(|vertex| *vertex = (pose * Point3::from(*vertex)).into());
-            Ok(Some(Piece { surface, mesh: None }))
+            Ok(Some(PlacedShape { surface, mesh: None }))
         }
     }
 }

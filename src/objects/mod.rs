@@ -42,7 +42,7 @@ pub struct Objects {
     pub warnings: Vec<String>,
 }
 
-/// A thing that stands on the support.
+/// An object that stands on the support.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Object {
     /// `object_1`.

@@ -302,16 +302,7 @@ fn weigh(
     Known { scale, possible }: Known,
     options: &Options,
 ) -> Result<PartsResult, PartsError> {
-    let of_mass = |kg| {
-        let build = |meters| found.constructions(&field.labels, Some(meters), options);
-        scale::meters_per_unit(kg, &found.cells, &found.chords, &found.evidence, &field.labels, build)
-    };
-    let known_scale = scale.map(|s| s.meters_per_unit);
-    let meters_per_unit = known_scale.or_else(|| options.known_mass.and_then(of_mass));
-    let scaled = match (scale, meters_per_unit) {
-        (Some(scale), _) => weights::Scale { meters_per_unit: scale.meters_per_unit, range: scale.range },
-        (None, of_mass) => weights::Scale::to_be_found(of_mass.unwrap_or(1.0)),
-    };
+    let (meters_per_unit, scaled) = scale_of(field, &found, scale, options);
     let possible = possible.filter(|possible| meters_per_unit.is_some() && possible.most_choices() > 0);
     let believed = possible.map(|possible| believed(field, &found, possible, scaled, options));
     let (believed, mut ways) = believed.map_or((None, Vec::new()), |(believed, ways)| (Some(believed), ways));
@@ -361,6 +352,23 @@ fn weigh(
         parts
     });
     Ok(PartsResult { interior: built.composed.interior, shapes: built.shapes, warnings, notes, parts })
+}
+
+/// Metres per unit, by the scale or else by the known mass, and the scale for weighing.
+fn scale_of(
+    field: &MaterialField,
+    found: &Found,
+    scale: Option<&MetricScale>,
+    options: &Options,
+) -> (Option<f64>, weights::Scale) {
+    if let Some(MetricScale { meters_per_unit, range, .. }) = scale {
+        return (Some(*meters_per_unit), weights::Scale { meters_per_unit: *meters_per_unit, range: *range });
+    }
+    let of_mass = options.known_mass.and_then(|kg| {
+        let build = |meters| found.constructions(&field.labels, Some(meters), options);
+        scale::meters_per_unit(kg, &found.cells, &found.chords, &found.evidence, &field.labels, build)
+    });
+    (of_mass, weights::Scale::to_be_found(of_mass.unwrap_or(1.0)))
 }
 
 /// What is believed of an object that, with its parts, may be several things, and the ways in which it was filled for that.

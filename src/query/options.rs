@@ -94,7 +94,7 @@ pub enum Hints {
     /// The outer size of the object, if it is known.
     #[default]
     None,
-    /// Also what the author of a mesh called its materials and pieces, in the question about the whole object.
+    /// Also what the author of a mesh called its materials and shapes, in the question about the whole object.
     Names,
 }
 

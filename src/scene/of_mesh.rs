@@ -100,7 +100,7 @@ fn refuse_options_of_photos(options: &Options) -> Result<(), SceneError> {
 pub struct MeshCounts {
     pub triangles: usize,
     pub vertices: usize,
-    pub pieces: usize,
+    pub shapes: usize,
     pub materials: usize,
     pub textures: usize,
 }
@@ -110,7 +110,7 @@ impl MeshCounts {
         Self {
             triangles: mesh.surface.triangles.len(),
             vertices: mesh.surface.vertices.len(),
-            pieces: mesh.pieces,
+            shapes: mesh.shapes,
             materials: mesh.materials.len(),
             textures: mesh.pictures.len(),
         }
@@ -124,7 +124,7 @@ impl fmt::Display for MeshCounts {
             "{} triangles, {} vertices, {}, {}, {}",
             thousands(self.triangles as u64),
             thousands(self.vertices as u64),
-            counted(self.pieces, "piece"),
+            counted(self.shapes, "shape"),
             counted(self.materials, "material"),
             counted(self.textures, "texture"),
         )
@@ -137,13 +137,13 @@ impl SceneMesh {
         MeshCounts::of(&self.painted.mesh)
     }
 
-    /// What its author called its materials and pieces, each name once, those of the largest surfaces first.
+    /// What its author called its materials and shapes, each name once, those of the largest surfaces first.
     pub fn names_in_file(&self) -> Names {
         let Mesh { faces, names, .. } = &self.painted.mesh;
         let faces = || self.triangle_of_gaussian.iter().map(|triangle| &faces[*triangle as usize]);
         Names {
             materials: by_frequency(faces().map(|face| &names.materials[face.material as usize])),
-            pieces: by_frequency(faces().map(|face| &names.pieces[face.piece as usize])),
+            shapes: by_frequency(faces().map(|face| &names.shapes[face.shape as usize])),
         }
     }
 

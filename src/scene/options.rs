@@ -105,9 +105,9 @@ pub struct Options {
     #[arg(long, value_name = "auto|-y|...|X,Y,Z", default_value_t, allow_hyphen_values = true)]
     pub up: UpChoice,
 
-    /// Thing on a table that is the object, by its number in `gprop objects`; `gprop run` also takes `all`
+    /// Object to take of those on a table, by its number in `gprop objects`; `gprop run` also takes `all`
     ///
-    /// Its name, such as object_2, will do too. Its results go to WORK/objects/object_2. With `auto`, `gprop run` takes all things
+    /// Its name, such as object_2, will do too. Its results go to WORK/objects/object_2. With `auto`, `gprop run` takes all
     /// if there are several, and other commands take the densest cluster of Gaussians that the cameras look at
     #[arg(long, value_name = "auto|all|N|NAME", default_value_t, overrides_with = "object_box")]
     pub object: ObjectChoice,

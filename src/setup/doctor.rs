@@ -65,7 +65,7 @@ impl Doctor {
     }
 }
 
-pub(super) fn examine(options: &Options, environment: &Environment) -> Doctor {
+pub fn examine(options: &Options, environment: &Environment) -> Doctor {
     let mut problems = Vec::new();
     // Without a cache folder, the same is wrong with all three.
     let mut note = |error: SetupError| {

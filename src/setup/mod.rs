@@ -5,7 +5,7 @@
 
 pub mod catalog;
 mod confined;
-mod doctor;
+pub mod doctor;
 mod environment;
 mod error;
 mod fetch;
@@ -124,11 +124,6 @@ pub fn embeddings_folder() -> Result<PathBuf, SetupError> {
 /// Reports what is installed, without fetching anything.
 pub fn doctor(options: &Options) -> Doctor {
     doctor::examine(options, &Environment::of_process())
-}
-
-/// [`doctor()`] in a given environment.
-pub fn doctor_in(options: &Options, environment: &Environment) -> Doctor {
-    doctor::examine(options, environment)
 }
 
 const RUNTIME_REMEDY: &str = "install npm, or python3 with pip, and check the network and its proxy settings; or give the \

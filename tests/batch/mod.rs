@@ -15,13 +15,14 @@ mod selection;
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 use std::sync::{Arc, Once, OnceLock};
 
 use serde_json::{Value, json};
 
 use crate::query::{a, good_answer};
 use crate::run::gprop;
+use crate::support::stderr;
 use ball::Balls;
 
 /// A batch up to the 3D parts on a data set, without the environment variables of a cluster.
@@ -32,10 +33,6 @@ fn batch(balls: &Balls, more: &[&str]) -> Command {
     }
     command.arg("batch").arg(balls.folder()).args(["--to", "parts"]).args(balls.answers()).args(more);
     command
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// Runs the command, expects an exit code, and returns the outcomes that it printed.

@@ -12,6 +12,7 @@ use super::{assert_refused, run};
 use crate::batch::ball::Balls;
 use crate::batch::contents;
 use crate::run::gprop;
+use crate::support::stderr;
 
 /// Changes one byte in the middle of a file. A second call restores it.
 pub fn change(path: &Path) {
@@ -19,10 +20,6 @@ pub fn change(path: &Path) {
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     fs::write(path, bytes).unwrap();
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// Expects a successful run that reported each of these files, and no other, as changed.

@@ -36,10 +36,10 @@ struct Sampled {
 
 impl Sampled {
     fn of(mesh: &Triangles) -> Self {
-        let face = Face { material: 0, piece: 0, texture_coordinates: None };
+        let face = Face { material: 0, shape: 0, texture_coordinates: None };
         let faces = vec![face; mesh.triangles.len()];
         let materials = vec![Material::default()];
-        let painted = PaintedMesh::new(Mesh { surface: mesh.clone(), faces, materials, pieces: 1, ..Mesh::default() });
+        let painted = PaintedMesh::new(Mesh { surface: mesh.clone(), faces, materials, shapes: 1, ..Mesh::default() });
         let gaussians = sample(&painted.unwrap()).unwrap().gaussians;
         Self { gaussians, measured: Measured::of(mesh).unwrap() }
     }

@@ -18,6 +18,7 @@ use super::{a, connect, good_answer, small};
 use crate::batch::ball::Balls;
 use crate::run::gprop;
 use crate::support::server::{Listener, read_request, write_response};
+use crate::support::stderr;
 
 /// A server on 127.0.0.1 that speaks TLS and gives every question the same answer.
 struct TlsServer(Listener);
@@ -69,10 +70,6 @@ fn query(url: &str, variables: &[(&str, &str)], more: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
 /// The error of asking a server at this address.
 fn failure(url: &str) -> String {
     let options = Options { lmm_url: Some(url.into()), lmm_model: Some("m".into()), lmm_retries: 0, ..small() };
@@ -99,7 +96,7 @@ fn a_connection_that_does_not_open_says_why() {
 fn a_proxy_that_does_not_answer_is_named_without_its_password() {
     let proxy = format!("http://user:{CANARY}@127.0.0.1:1");
     let output = query("http://model.invalid/v1", &[("HTTP_PROXY", &proxy)], &[]);
-    let said = said(&output);
+    let said = stderr(&output);
     assert_eq!(output.status.code(), Some(5), "{said}");
     for words in ["cannot connect to model.invalid through the proxy 127.0.0.1:1", "connection refused", "NO_PROXY"] {
         assert!(said.contains(words), "no {words:?} in {said}");
@@ -123,15 +120,19 @@ fn a_certificate_of_an_unknown_authority_is_refused_until_ssl_cert_file_names_th
     let unknown = failure(&server.url());
     assert!(unknown.contains("UnknownIssuer") && unknown.contains("SSL_CERT_FILE"), "{unknown}");
     let output = query(&server.url(), &trusting, &[]);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stderr(&output));
 
     let missing = folder.path().join("missing.pem");
     let output = query(&server.url(), &[("SSL_CERT_FILE", missing.to_str().unwrap())], &[]);
-    assert!(said(&output).contains("missing.pem") && said(&output).contains("UnknownIssuer"), "{}", said(&output));
+    assert!(
+        stderr(&output).contains("missing.pem") && stderr(&output).contains("UnknownIssuer"),
+        "{}",
+        stderr(&output)
+    );
 
     let elsewhere = TlsServer::new(vec![signed("another.example")], &key);
     let output = query(&elsewhere.url(), &trusting, &[]);
-    assert!(said(&output).contains("another.example"), "its name is wrong all the same: {}", said(&output));
+    assert!(stderr(&output).contains("another.example"), "its name is wrong all the same: {}", stderr(&output));
 
     // As `openssl req -x509` makes them: the server's certificate is its own authority.
     let server = TlsServer::new(vec![own.der().clone()], &key);
@@ -139,7 +140,7 @@ fn a_certificate_of_an_unknown_authority_is_refused_until_ssl_cert_file_names_th
     assert!(untrusted.contains("signed itself") && untrusted.contains("SSL_CERT_FILE"), "{untrusted}");
     let pem = write_pem(folder.path(), &own);
     let output = query(&server.url(), &[("SSL_CERT_FILE", pem.to_str().unwrap())], &[]);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stderr(&output));
 }
 
 #[test]
@@ -150,8 +151,8 @@ fn a_root_of_the_machine_that_is_for_another_name_is_refused() {
     let pem = write_pem(folder.path(), &own);
     let server = TlsServer::new(vec![own.der().clone()], &key);
     let output = query(&server.url(), &[("SSL_CERT_FILE", pem.to_str().unwrap())], &[]);
-    assert_eq!(output.status.code(), Some(5), "{}", said(&output));
-    assert!(said(&output).contains("another.example"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+    assert!(stderr(&output).contains("another.example"), "{}", stderr(&output));
 }
 
 #[test]
@@ -163,26 +164,26 @@ fn a_key_is_read_from_the_named_variable_and_sent_in_the_named_header() {
     let url = server.options().lmm_url.unwrap();
     let named = ["--lmm-key-env", "AZURE_KEY", "--lmm-key-header", "api-key"];
     let output = query(&url, &[("AZURE_KEY", CANARY), ("OPENAI_API_KEY", "sk-of-another-server")], &named);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stderr(&output));
 
     let output = query(&url, &[("AZURE_KEY", CANARY)], &named[..2]);
-    assert_eq!(output.status.code(), Some(5), "{}", said(&output));
-    let said_about = said(&output);
+    assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+    let said_about = stderr(&output);
     assert!(said_about.contains("the key in AZURE_KEY") && said_about.contains("--lmm-key-header"), "{said_about}");
     let output = query(&url, &[], &[]);
-    assert!(said(&output).contains("set OPENAI_API_KEY to a key for this server"), "{}", said(&output));
+    assert!(stderr(&output).contains("set OPENAI_API_KEY to a key for this server"), "{}", stderr(&output));
 }
 
 #[test]
 fn a_variable_without_a_key_is_named_and_a_key_in_its_place_is_not_repeated() {
     let output = query("http://127.0.0.1:1/v1", &[], &["--lmm-key-env", "NO_SUCH_KEY"]);
-    assert_eq!(output.status.code(), Some(5), "{}", said(&output));
-    assert!(said(&output).contains("--lmm-key-env: NO_SUCH_KEY is not set"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+    assert!(stderr(&output).contains("--lmm-key-env: NO_SUCH_KEY is not set"), "{}", stderr(&output));
     let output = query("http://127.0.0.1:1/v1", &[], &["--lmm-key-env", CANARY]);
-    assert!(said(&output).contains("--lmm-key-env") && !said(&output).contains(CANARY), "{}", said(&output));
+    assert!(stderr(&output).contains("--lmm-key-env") && !stderr(&output).contains(CANARY), "{}", stderr(&output));
     // Nothing is sent, so no key is needed.
     let output = query("http://127.0.0.1:1/v1", &[], &["--lmm-key-env", "NO_SUCH_KEY", "--dry-run"]);
-    assert!(output.status.success(), "{}", said(&output));
+    assert!(output.status.success(), "{}", stderr(&output));
     let output = gprop().args(["query", "nowhere", "--lmm-key-header", "Content-Type"]).output().unwrap();
-    assert_eq!(output.status.code(), Some(2), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
 }

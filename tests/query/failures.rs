@@ -13,6 +13,7 @@ use super::{a, completion, connect, good_answer, grid, prepare, recordings};
 use crate::batch::ball::Balls;
 use crate::run::gprop;
 use crate::support::server::Response;
+use crate::support::stderr;
 
 /// How a server fails, and what the run's error says about it.
 struct Case {
@@ -151,10 +152,6 @@ fn query(server: &Server, model: &str, more: &[&str]) -> Output {
     command.output().unwrap()
 }
 
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
 /// The number before the word that begins with `noun`, after `before`.
 fn number(text: &str, before: &str, noun: &str) -> usize {
     let rest = text.split_once(before).unwrap_or_else(|| panic!("no {before:?} in {text}")).1;
@@ -166,8 +163,8 @@ fn no_more_requests_are_sent_than_were_announced() {
     for Case { name, response, .. } in cases() {
         let server = Server::new(move |_, _, _| response.clone());
         let output = query(&server, "gpt-4o", &[]);
-        assert_eq!(output.status.code(), Some(5), "{name}: {}", said(&output));
-        let announced = number(&said(&output), ": up to ", "requests");
+        assert_eq!(output.status.code(), Some(5), "{name}: {}", stderr(&output));
+        let announced = number(&stderr(&output), ": up to ", "requests");
         assert!(server.requests().len() <= announced, "{name}: {} of {announced}", server.requests().len());
     }
     // Even if every question needs every try that it has.
@@ -177,9 +174,9 @@ fn no_more_requests_are_sent_than_were_announced() {
         _ => ok(&good_answer(a("wood")).to_string()),
     });
     let output = query(&server, "gpt-4o", &["--lmm-parallel", "1"]);
-    assert!(output.status.success(), "{}", said(&output));
-    let (announced, sent) = (number(&said(&output), ": up to ", "requests"), server.requests().len());
-    let usual = number(&said(&output), "if all replies are usable, ", "requests");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let (announced, sent) = (number(&stderr(&output), ": up to ", "requests"), server.requests().len());
+    let usual = number(&stderr(&output), "if all replies are usable, ", "requests");
     assert!(sent <= announced && sent > 2 * usual, "{usual} < {sent} <= {announced}");
 }
 
@@ -199,24 +196,24 @@ fn a_budget_of_requests_is_kept() {
 fn a_model_on_this_machine_costs_nothing_and_a_price_may_be_typed() {
     let server = Server::new(|_, _, _| Response::new(200).json(completion(&good_answer(a("wood")).to_string())));
     let output = query(&server, "qwen2.5vl", &["--max-usd", "0"]);
-    assert!(output.status.success(), "{}", said(&output));
-    assert!(said(&output).contains("--max-usd counts nothing"), "{}", said(&output));
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stderr(&output).contains("--max-usd counts nothing"), "{}", stderr(&output));
     // A gateway on this machine may charge for a model that has a price.
     let output = query(&server, "gpt-4o", &["--max-usd", "0"]);
-    assert!(said(&output).contains("more than --max-usd 0"), "{}", said(&output));
+    assert!(stderr(&output).contains("more than --max-usd 0"), "{}", stderr(&output));
     let output = query(&server, "gpt-4o", &["--max-usd", "0", "--price", "0"]);
-    assert!(output.status.success() && said(&output).contains("counts nothing"), "{}", said(&output));
+    assert!(output.status.success() && stderr(&output).contains("counts nothing"), "{}", stderr(&output));
     let output = query(&server, "qwen2.5vl", &["--max-usd", "0.001", "--price", "1000,0"]);
-    assert!(said(&output).contains("more than --max-usd 0.001"), "{}", said(&output));
+    assert!(stderr(&output).contains("more than --max-usd 0.001"), "{}", stderr(&output));
 
     // No price is known of a model elsewhere. Nothing is sent, so the host need not exist.
     let balls = Balls::new(1);
     let mut elsewhere = gprop();
     elsewhere.arg("query").arg(balls.scene(0)).args(["-q", "--lmm-url", "http://model.invalid/v1", "--lmm-model", "m"]);
     let output = elsewhere.args(["--max-usd", "1"]).output().unwrap();
-    assert!(said(&output).contains("--price 0 if nothing is charged"), "{}", said(&output));
+    assert!(stderr(&output).contains("--price 0 if nothing is charged"), "{}", stderr(&output));
     for price in ["-1", "nan", "1,2,3", "cheap"] {
         let output = gprop().args(["query", "nowhere", &format!("--price={price}")]).output().unwrap();
-        assert_eq!(output.status.code(), Some(2), "{price}: {}", said(&output));
+        assert_eq!(output.status.code(), Some(2), "{price}: {}", stderr(&output));
     }
 }

@@ -12,6 +12,7 @@ use serde_json::{Value, json};
 use super::{a, good_answer_about_part};
 use crate::batch::ball::Balls;
 use crate::run::gprop;
+use crate::support::said;
 
 const FEW: &[&str] = &["--frames", "2", "--duration", "0.02", "--grid", "16"];
 
@@ -94,10 +95,6 @@ fn run_asking(balls: &Balls, about: &str, more: &[&str]) -> Output {
 
 fn ask(balls: &Balls, more: &[&str]) -> Output {
     run(balls, &[balls.answers().each_ref().map(String::as_str).as_slice(), more].concat())
-}
-
-fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
 fn file(balls: &Balls, name: &str) -> String {

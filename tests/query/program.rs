@@ -15,8 +15,8 @@ use super::client::{CANARY, Server, error, ok};
 use super::offline::{assert_untouched, listener};
 use super::{a, good_answer, good_answer_about_part, with};
 use crate::run::{gprop, hammer};
-use crate::support::models;
 use crate::support::server::MockServer;
+use crate::support::{models, said};
 
 /// Few prompts and little to simulate: the other stages that the queries need take seconds.
 const FEW_PROMPTS: &[&str] = &["--points-per-side", "6", "--level", "small"];
@@ -40,10 +40,6 @@ fn query(subject: &Path, server: Option<&Server>, more: &[&str]) -> Command {
         command.args(["--lmm-url", &options.lmm_url.unwrap(), "--lmm-model", &options.lmm_model.unwrap()]);
     }
     command
-}
-
-fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
 /// Every file below a folder.

@@ -13,6 +13,7 @@ use super::{a, good_answer};
 use crate::batch::ball::Balls;
 use crate::batch::contents;
 use crate::run::gprop;
+use crate::support::said;
 
 /// Width of the balls in scene units: their Gaussians lie on a sphere of radius 0.1, and have standard deviations of 0.012. No
 /// scale but the estimate is stated.
@@ -42,10 +43,6 @@ fn run(balls: &Balls, scale: &str, more: &[&str]) -> Output {
 /// Asks the server.
 fn ask(balls: &Balls) -> Output {
     run(balls, "estimate", &balls.answers().each_ref().map(String::as_str))
-}
-
-fn said(output: &Output) -> String {
-    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
 }
 
 fn file(balls: &Balls, name: &str) -> String {

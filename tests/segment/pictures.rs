@@ -12,7 +12,7 @@ use serde_json::{Value, json};
 use super::models::tiny;
 use super::root;
 use crate::run::gprop;
-use crate::support::{models, python, python_has};
+use crate::support::{models, python, python_has, stderr};
 
 /// `gprop segment PICTURE` with the tiny models; `None` if there is no ONNX Runtime to run them.
 fn segment(test: &str, picture: &Path, arguments: &[&str]) -> Option<Output> {
@@ -20,10 +20,6 @@ fn segment(test: &str, picture: &Path, arguments: &[&str]) -> Option<Output> {
     let mut command = gprop();
     command.arg("segment").arg(picture).arg("--sam-encoder").arg(files.encoder).arg("--sam-decoder").arg(files.decoder);
     Some(command.args(["--points-per-side", "4"]).args(arguments).output().unwrap())
-}
-
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// The file in the picture's work folder.
@@ -68,7 +64,7 @@ fn pictures_of_every_kind_are_segmented() {
     fs::copy(root().join("fixtures/pictures/cmyk.jpg"), files.last().unwrap()).unwrap();
     for path in files {
         let Some(output) = segment(test, &path, &[]) else { return };
-        assert_eq!(output.status.code(), Some(0), "{path:?}: {}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{path:?}: {}", stderr(&output));
         let (map, picture) = (map_of(&path), image::open(&path).unwrap());
         assert_eq!((map.width, map.height), (picture.width(), picture.height()), "{path:?}");
         assert!(map.labels.iter().any(|&label| label > 0), "{path:?} has no segment");
@@ -86,13 +82,13 @@ fn a_picture_that_is_not_whole_is_named() {
         let bytes = fs::read(&path).unwrap();
         fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
         let Some(output) = segment(test, &path, &[]) else { return };
-        assert_eq!(output.status.code(), Some(3), "{}", said(&output));
-        assert!(said(&output).contains(name) && said(&output).contains("cannot be decoded"), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+        assert!(stderr(&output).contains(name) && stderr(&output).contains("cannot be decoded"), "{}", stderr(&output));
         assert!(!path.with_extension("gprop").exists());
     }
     let missing = folder.path().join("none.png");
     let Some(output) = segment(test, &missing, &[]) else { return };
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
 }
 
 #[test]
@@ -105,7 +101,7 @@ fn the_largest_picture_fits_into_memory() {
         .save(&path)
         .unwrap();
     let Some(output) = segment(test, &path, &["--json"]) else { return };
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let map = map_of(&path);
     assert_eq!((map.width, map.height), (SIDE, SIDE));
     let shown: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -122,8 +118,8 @@ fn where_sam_finds_nothing_the_whole_foreground_is_one_segment() {
     let path = folder.path().join("thing.png");
     coloured(60, 40).save(&path).unwrap();
     let Some(output) = segment(test, &path, &["--min-predicted-iou", "1", "--min-stability", "1"]) else { return };
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-    assert!(said(&output).contains("SAM found no segments in view thing"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    assert!(stderr(&output).contains("SAM found no segments in view thing"), "{}", stderr(&output));
     let map = map_of(&path);
     for (pixel, label) in coloured(60, 40).pixels().zip(map.labels) {
         assert_eq!(label, u16::from(pixel[3] == 255));
@@ -139,8 +135,8 @@ fn a_model_cut_short_ends_with_its_own_code() {
     let whole = fs::read(&files.decoder).unwrap();
     fs::write(&cut, &whole[..whole.len() - 1000]).unwrap();
     let output = gprop().arg("segment").arg(&picture).arg("--sam-decoder").arg(&cut).output().unwrap();
-    assert_eq!(output.status.code(), Some(4), "{}", said(&output));
-    assert!(said(&output).contains("cut.onnx"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(4), "{}", stderr(&output));
+    assert!(stderr(&output).contains("cut.onnx"), "{}", stderr(&output));
 }
 
 #[test]
@@ -155,7 +151,7 @@ fn bytes_do_not_depend_on_the_number_of_threads() {
         let mut command: Command = gprop();
         command.arg("segment").arg(&picture).arg("--out").arg(&out).args(["--threads", threads]);
         let output = command.args(["--points-per-side", "12", "--also", "npy,coco"]).output().unwrap();
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         ["003.png", "003_s.npy", "coco.json", "segments.json"]
             .map(|name| fs::read(out.join("segments").join(name)).unwrap())
     };
@@ -174,7 +170,7 @@ fn other_forms_are_read_by_the_programs_that_they_are_for() {
     let Some(output) = segment(test, &path, &["--min-predicted-iou", "0.1", "--also", "langsplat,coco"]) else {
         return;
     };
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let script = root().join("tests/segment/read_segments.py");
     let files = ["thing.png", "thing_s.npy"].map(|name| written(&path, name));
     let found = python(&script, &[&files[0], &files[1]]);
@@ -205,8 +201,8 @@ fn other_formats_follow_the_label_maps() {
         let mut command = gprop();
         command.arg("segment").arg(scene.path()).args(["--view-list", "003", "--segments"]).arg(masks.path());
         let output = command.args(arguments).output().unwrap();
-        assert_eq!(output.status.code(), Some(0), "{}", said(&output));
-        said(&output)
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        stderr(&output)
     };
     let folder = scene.path().join("gprop/segments");
     let digest = || {
@@ -236,7 +232,7 @@ fn other_formats_follow_the_label_maps() {
     let mut command = gprop();
     command.arg("segment").arg(scene.path()).args(["--view-list", "003", "--segments"]).arg(&folder);
     let output = command.output().unwrap();
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     assert!(folder.join("003.png").exists() && folder.join("003_s.npy").exists());
 }
 
@@ -261,7 +257,7 @@ fn masks_made_elsewhere_replace_the_stage() {
         command.arg("--sam-encoder").arg(&no_model).output().unwrap()
     };
     let output = run("003,022");
-    assert_eq!(output.status.code(), Some(0), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     for name in ["003.png", "022.png"] {
         let bytes = fs::read(scene.path().join("gprop/segments").join(name)).unwrap();
         let found = LabelMap::from_png(&bytes).unwrap();
@@ -270,10 +266,10 @@ fn masks_made_elsewhere_replace_the_stage() {
     }
 
     let output = run("003,010");
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
-    assert!(said(&output).contains("010.png nor 010_s.npy"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    assert!(stderr(&output).contains("010.png nor 010_s.npy"), "{}", stderr(&output));
     GrayImage::new(512, 500).save(masks.path().join("010.png")).unwrap();
     let output = run("003,010");
-    assert_eq!(output.status.code(), Some(3), "{}", said(&output));
-    assert!(said(&output).contains("512 x 500"), "{}", said(&output));
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+    assert!(stderr(&output).contains("512 x 500"), "{}", stderr(&output));
 }

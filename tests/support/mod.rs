@@ -14,6 +14,16 @@ use gprop::setup::{self, ModelFiles, SetupError};
 use gprop::words::progress::Progress;
 use serde_json::Value;
 
+/// What a command wrote to stderr.
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// What a command wrote, to stdout and then to stderr.
+pub fn said(output: &Output) -> String {
+    format!("{}{}", String::from_utf8_lossy(&output.stdout), String::from_utf8_lossy(&output.stderr))
+}
+
 /// Reports on stderr, bypassing the harness's capture, that a test or a part of it did not run and why. With
 /// `GPROP_NO_SKIP=1`, as in `.ci/run`, it fails instead. Every test that skips anything calls this.
 #[track_caller]

@@ -10,7 +10,7 @@ const MOST_CHARACTERS: usize = 60;
 
 /// The paragraph; `None` if there is no name.
 pub fn paragraph(names: &Names) -> Option<String> {
-    let kinds = [("materials", &names.materials), ("pieces", &names.pieces)];
+    let kinds = [("materials", &names.materials), ("shapes", &names.shapes)];
     let lists = kinds.into_iter().filter(|(_, names)| !names.is_empty());
     let lists: Vec<String> = lists.map(|(kind, names)| format!("its {kind} {}", list(names))).collect();
     (!lists.is_empty()).then(|| {
@@ -37,8 +37,8 @@ mod tests {
     #[test]
     fn names_are_quoted_and_bounded() {
         let names = |count: usize| (0..count).map(|n| format!("{n:03}{}", "x".repeat(100))).collect();
-        let told = paragraph(&Names { materials: vec!["Leather\n\"Black".to_owned()], pieces: names(50) }).unwrap();
-        assert!(told.contains(r#"its materials "Leather\nBlack" and its pieces "000xx"#), "{told}");
+        let told = paragraph(&Names { materials: vec!["Leather\n\"Black".to_owned()], shapes: names(50) }).unwrap();
+        assert!(told.contains(r#"its materials "Leather\nBlack" and its shapes "000xx"#), "{told}");
         assert!(told.contains("\"029xx") && !told.contains("\"030xx") && !told.contains(&"x".repeat(MOST_CHARACTERS)));
         assert_eq!(paragraph(&Names::default()), None);
     }

@@ -28,7 +28,6 @@ use crate::words::progress::Progress;
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Preview {
     /// Questions whose answers are recorded and those that are then due.
-    #[serde(rename = "segments")]
     pub questions: usize,
     /// Questions whose answer is recorded.
     pub recorded: usize,

@@ -7,8 +7,8 @@ use super::{Face, Material, Mesh, Names, Picture, PlacedPrimitive, Problem, Tria
 pub const MOST_VERTICES: usize = 30_000_000;
 /// The most triangles of a mesh after its instances are placed.
 pub const MOST_TRIANGLES: usize = 20_000_000;
-/// The most pieces of a mesh, and the most nodes that are visited to find them.
-pub const MOST_PIECES: usize = 1_000_000;
+/// The most shapes of a mesh, and the most nodes that are visited to find them.
+pub const MOST_SHAPES: usize = 1_000_000;
 /// Coordinates beyond this are refused: their squares and cubes, summed over a mesh, are finite in double precision, and they
 /// are finite in single precision.
 const FARTHEST: f64 = 1e15;
@@ -22,7 +22,7 @@ pub(super) struct Assembly {
     pub materials: Vec<Material>,
     pub material_names: Vec<String>,
     pub pictures: Vec<Picture>,
-    piece_names: Vec<String>,
+    shape_names: Vec<String>,
     pub placed: Vec<PlacedPrimitive>,
     /// The mass that the file states.
     pub claimed_mass_kg: Option<f64>,
@@ -69,16 +69,16 @@ impl Assembly {
         Ok(())
     }
 
-    /// Begins a piece.
-    pub fn piece(&mut self, name: String, place: impl Fn() -> String) -> Result<(), Problem> {
-        if self.piece_names.len() == MOST_PIECES {
-            return Err(Problem::TooMany { place: place(), what: "pieces", most: MOST_PIECES as u64 });
+    /// Begins a shape.
+    pub fn shape(&mut self, name: String, place: impl Fn() -> String) -> Result<(), Problem> {
+        if self.shape_names.len() == MOST_SHAPES {
+            return Err(Problem::TooMany { place: place(), what: "shapes", most: MOST_SHAPES as u64 });
         }
-        self.piece_names.push(name);
+        self.shape_names.push(name);
         Ok(())
     }
 
-    /// Adds a polygon of the current piece, cut into triangles.
+    /// Adds a polygon of the current shape, cut into triangles.
     pub fn polygon(&mut self, corners: &[Corner], material: u32, place: impl Fn() -> String) -> Result<(), Problem> {
         let corner_points: Vec<[f64; 3]> =
             corners.iter().map(|corner| self.surface.vertices[corner.vertex as usize]).collect();
@@ -88,7 +88,7 @@ impl Assembly {
         Ok(())
     }
 
-    /// Adds a triangle of the current piece.
+    /// Adds a triangle of the current shape.
     pub fn triangle(&mut self, corners: [Corner; 3], material: u32, place: impl Fn() -> String) -> Result<(), Problem> {
         if self.surface.triangles.len() == MOST_TRIANGLES {
             return Err(Problem::TooMany { place: place(), what: "triangles", most: MOST_TRIANGLES as u64 });
@@ -100,8 +100,8 @@ impl Assembly {
             }
             _ => None,
         };
-        let piece = self.piece_names.len().saturating_sub(1) as u32;
-        self.faces.push(Face { material, piece, texture_coordinates });
+        let shape = self.shape_names.len().saturating_sub(1) as u32;
+        self.faces.push(Face { material, shape, texture_coordinates });
         Ok(())
     }
 
@@ -115,21 +115,21 @@ impl Assembly {
             self.materials.push(Material::default());
         }
         self.material_names.resize(self.materials.len(), String::new());
-        if self.piece_names.is_empty() {
-            self.piece_names.push(String::new());
+        if self.shape_names.is_empty() {
+            self.shape_names.push(String::new());
         }
         if !self.vertex_colors.is_empty() {
             self.vertex_colors.resize(self.surface.vertices.len(), [1.0; 4]);
         }
         self.warn_of_bare_textures();
         Ok(Mesh {
-            pieces: self.piece_names.len(),
+            shapes: self.shape_names.len(),
             surface: self.surface,
             faces: self.faces,
             vertex_colors: self.vertex_colors,
             materials: self.materials,
             pictures: self.pictures,
-            names: Names { pieces: self.piece_names, materials: self.material_names },
+            names: Names { shapes: self.shape_names, materials: self.material_names },
             meters_per_unit,
             placed: self.placed,
             claimed_mass_kg: self.claimed_mass_kg,

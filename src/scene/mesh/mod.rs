@@ -33,7 +33,7 @@ use nalgebra::{Matrix3, Rotation3};
 use crate::files::read_scope::ReadScope;
 use beside::Beside;
 
-pub use assembly::{MOST_PIECES, MOST_TRIANGLES, MOST_VERTICES};
+pub use assembly::{MOST_SHAPES, MOST_TRIANGLES, MOST_VERTICES};
 pub use beside::MOST_BYTES;
 pub use connected::surface_of_triangles;
 pub use error::{MeshError, Problem};
@@ -69,9 +69,9 @@ pub struct Mesh {
     pub materials: Vec<Material>,
     /// The encoded pictures of the materials.
     pub pictures: Vec<Picture>,
-    /// Number of pieces that the file tells apart: a primitive of a node's mesh, once for each instance (glTF), an object
+    /// Number of shapes that the file tells apart: a primitive of a node's mesh, once for each instance (glTF), an object
     /// or group (OBJ), a solid (STL).
-    pub pieces: usize,
+    pub shapes: usize,
     /// What the file's author called things. They steer nothing, and are shown to no model unless the user says so.
     pub names: Names,
     /// Metres per unit, if the format says so: 1 for glTF, `None` for the others.
@@ -110,8 +110,8 @@ pub struct PlacedPrimitive {
 pub struct Face {
     /// Index of [`Mesh::materials`].
     pub material: u32,
-    /// The piece to which it belongs, below [`Mesh::pieces`].
-    pub piece: u32,
+    /// The shape to which it belongs, below [`Mesh::shapes`].
+    pub shape: u32,
     /// Texture coordinates of its corners, in the order of the corners: (0, 0) is the picture's upper left corner and (1, 1)
     /// its lower right one. `None` if it has none.
     pub texture_coordinates: Option<[[f32; 2]; 3]>,
@@ -156,8 +156,8 @@ impl Default for Material {
 /// Names in a mesh file, each list with one entry per thing; empty where the file gives no name.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Names {
-    /// Of [`Mesh::pieces`]: the node or its mesh, the object or group, the solid.
-    pub pieces: Vec<String>,
+    /// Of [`Mesh::shapes`]: the node or its mesh, the object or group, the solid.
+    pub shapes: Vec<String>,
     /// Of [`Mesh::materials`].
     pub materials: Vec<String>,
 }
@@ -222,7 +222,7 @@ impl MeshFormat {
 /// # Errors
 /// [`MeshError`], which says which file is affected, what is wrong with it, where, and what to do: among others if there
 /// is no triangle, a position is not finite, an index is out of range, the file asks for more than the limits here
-/// ([`MOST_VERTICES`], [`MOST_TRIANGLES`], [`MOST_PIECES`], [`MOST_TEXTURE_PIXELS`], [`MOST_BYTES`]), or it names a file
+/// ([`MOST_VERTICES`], [`MOST_TRIANGLES`], [`MOST_SHAPES`], [`MOST_TEXTURE_PIXELS`], [`MOST_BYTES`]), or it names a file
 /// outside.
 pub fn read(path: &Path, axes: Axes, scope: &ReadScope) -> Result<Mesh, MeshError> {
     let in_file = |problem| MeshError { path: path.to_owned(), problem };

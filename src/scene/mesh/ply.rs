@@ -27,7 +27,7 @@ pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Mesh, MeshPr
     if !has("face") {
         return Err(if has("tristrips") { Problem::Strips } else { Problem::NoFaces }.into());
     }
-    let mut body = Body::new(&bytes[header.body_at..], header.encoding);
+    let mut body = Rows::new(&bytes[header.body_at..], header.encoding);
     let mut assembly = Assembly::default();
     header.add_material(&mut assembly, beside)?;
     let mut coordinates = Vec::new();
@@ -120,7 +120,7 @@ fn full_color(element: &ElementDef, column: usize) -> f64 {
 }
 
 fn read_vertices(
-    body: &mut Body<'_>,
+    body: &mut Rows<'_>,
     element: &ElementDef,
     assembly: &mut Assembly,
     coordinates: &mut Vec<[f32; 2]>,
@@ -151,7 +151,7 @@ fn read_vertices(
 }
 
 fn read_faces(
-    body: &mut Body<'_>,
+    body: &mut Rows<'_>,
     element: &ElementDef,
     assembly: &mut Assembly,
     coordinates: &[[f32; 2]],
@@ -194,7 +194,7 @@ fn rows_of(element: &ElementDef) -> usize {
 }
 
 /// The bytes or words of the rows that are not read yet.
-enum Body<'a> {
+enum Rows<'a> {
     Text(std::str::SplitAsciiWhitespace<'a>),
     Binary { bytes: &'a [u8], is_little: bool },
 }
@@ -205,7 +205,7 @@ enum NoValue {
     Word(String),
 }
 
-impl<'a> Body<'a> {
+impl<'a> Rows<'a> {
     fn new(bytes: &'a [u8], encoding: Encoding) -> Self {
         match encoding {
             Encoding::Ascii => {

@@ -70,7 +70,7 @@ fn read_text(bytes: &[u8], corners: &mut Corners) -> Result<(), MeshProblem> {
         let text = String::from_utf8_lossy(line);
         let mut words = text.split_ascii_whitespace();
         match words.next().map(str::to_ascii_lowercase).as_deref() {
-            Some("solid") => corners.assembly.piece(words.collect::<Vec<_>>().join(" "), place)?,
+            Some("solid") => corners.assembly.shape(words.collect::<Vec<_>>().join(" "), place)?,
             Some("vertex") => {
                 let values: Vec<f64> = words.map_while(|word| word.parse().ok()).collect();
                 let position = values.first_chunk().ok_or_else(|| Problem::NotNumbers {

@@ -10,7 +10,7 @@ use crate::config::as_typed::as_typed;
 
 /// What the name of an object begins with; its number follows.
 const PREFIX: &str = "object_";
-/// Far more things than stand on any table.
+/// Far more objects than stand on any table.
 const MOST: u32 = 9999;
 
 /// `--object`.
@@ -20,13 +20,13 @@ pub enum ObjectChoice {
     /// densest cluster.
     #[default]
     Auto,
-    /// The thing with this number.
+    /// The object with this number.
     One(ObjectNumber),
-    /// Each thing that stands on the support, one after the other.
+    /// Each object that stands on the support, one after the other.
     All,
 }
 
-/// The number of a thing that stands on the support, from 1, as `gprop objects` lists it.
+/// The number of an object that stands on the support, from 1, as `gprop objects` lists it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ObjectNumber(NonZeroU32);
 

@@ -39,8 +39,8 @@ fn materials_of_an_obj_come_from_its_mtl() {
     let vertices = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
     fs::write(&path, format!("{vertices}o body\n{faces}")).unwrap();
     let mesh = read(&path).unwrap();
-    assert_eq!(mesh.faces.iter().map(|face| (face.material, face.piece)).collect::<Vec<_>>(), [(0, 0), (1, 1), (2, 1)]);
-    assert_eq!((mesh.names.pieces, mesh.names.materials[2].as_str()), (vec!["body".into(), "lid".into()], "Gone"));
+    assert_eq!(mesh.faces.iter().map(|face| (face.material, face.shape)).collect::<Vec<_>>(), [(0, 0), (1, 1), (2, 1)]);
+    assert_eq!((mesh.names.shapes, mesh.names.materials[2].as_str()), (vec!["body".into(), "lid".into()], "Gone"));
     let texture = mesh.materials[0].texture.unwrap();
     assert_eq!((texture.wrapping, mesh.materials[0].base_color), ([Wrapping::ClampToEdge; 2], [1.0; 4]));
     let glass = &mesh.materials[1];
@@ -106,7 +106,7 @@ fn both_kinds_of_stl_join_their_corners() {
     let [a, b, c, d] = TETRAHEDRON.map(facet);
     let text = format!("solid first part\n{a}{b}endsolid\nSOLID second\n{c}{d}endsolid second\n");
     let from_text = parse("a.stl", text.as_bytes()).unwrap();
-    assert_eq!(from_text.names.pieces, ["first part", "second"]);
+    assert_eq!(from_text.names.shapes, ["first part", "second"]);
     for header in ["made by hand", "solid made by a CAD program"] {
         let mesh = parse("a.STL", &binary_stl(header)).unwrap();
         assert_eq!(mesh.surface, from_text.surface, "{header}");

@@ -82,7 +82,7 @@ fn nodes_place_their_meshes_and_mirrors_keep_the_outside_out() {
         {"mesh": 0, "translation": [99, 0, 0], "name": "of no scene"},
     ]);
     let mesh = parse("a.glb", &glb(&document, &bytes)).unwrap();
-    assert_eq!((mesh.surface.triangles.len(), mesh.pieces), (8, 2));
+    assert_eq!((mesh.surface.triangles.len(), mesh.shapes), (8, 2));
     let close = |index: usize, expected: [f64; 3]| {
         let found = mesh.surface.vertices[index];
         assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{index}: {found:?} {expected:?}");
@@ -91,7 +91,7 @@ fn nodes_place_their_meshes_and_mirrors_keep_the_outside_out() {
     close(2, [12.0, 0.0, 0.0]);
     close(7, [0.0, 0.0, 8.0]);
     assert!((six_volumes(&mesh) - 9.0).abs() < 1e-5, "{}", six_volumes(&mesh));
-    assert_eq!(mesh.faces.iter().map(|face| face.piece).collect::<Vec<_>>(), [0, 0, 0, 0, 1, 1, 1, 1]);
+    assert_eq!(mesh.faces.iter().map(|face| face.shape).collect::<Vec<_>>(), [0, 0, 0, 0, 1, 1, 1, 1]);
     assert_eq!(mesh.meters_per_unit, Some(1.0));
 }
 
@@ -106,7 +106,7 @@ fn y_up_becomes_z_up() {
     assert_eq!(mesh.surface.vertices[3], [0.0, -1.0, 0.0]);
     assert!((six_volumes(&mesh) - 1.0).abs() < 1e-12);
     assert_eq!(read(&path).unwrap().surface.vertices[2], [0.0, 1.0, 0.0]);
-    assert_eq!(mesh.names.pieces, ["Ceramic_Mug"]);
+    assert_eq!(mesh.names.shapes, ["Ceramic_Mug"]);
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn instances_are_placed_one_by_one() {
         json!({"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2, "SCALE": 3}}});
     document["extensionsRequired"] = json!(["EXT_mesh_gpu_instancing"]);
     let mesh = parse("a.glb", &glb(&document, &bytes)).unwrap();
-    assert_eq!((mesh.pieces, mesh.surface.vertices[5]), (2, [4.0, 0.0, 0.0]));
+    assert_eq!((mesh.shapes, mesh.surface.vertices[5]), (2, [4.0, 0.0, 0.0]));
     assert!((six_volumes(&mesh) - 2.0).abs() < 1e-12);
     assert!(mesh.warnings.is_empty(), "{:?}", mesh.warnings);
     document["accessors"][2]["count"] = json!(2_000_000);

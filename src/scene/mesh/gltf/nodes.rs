@@ -9,7 +9,7 @@ use super::primitive::Primitive;
 use super::tree::{self, transform};
 use super::{Document, Problem};
 use crate::scene::mesh::assembly::Assembly;
-use crate::scene::mesh::{GltfPrimitive, MOST_PIECES, Problem as MeshProblem};
+use crate::scene::mesh::{GltfPrimitive, MOST_SHAPES, Problem as MeshProblem};
 
 const INSTANCING: &str = "EXT_mesh_gpu_instancing";
 
@@ -58,8 +58,8 @@ fn instances(document: &Document<'_>, node: &Node, place: &str) -> Result<Vec<Ma
     let accessor = |name: &str| attributes.get(name).and_then(Value::as_u64).map(|index| index as usize);
     let names = ["TRANSLATION", "ROTATION", "SCALE"];
     let count = names.iter().filter_map(|name| document.count(accessor(name)?)).max().unwrap_or(0);
-    if count > MOST_PIECES as u64 {
-        return Err(MeshProblem::TooMany { place: place.to_owned(), what: "instances", most: MOST_PIECES as u64 });
+    if count > MOST_SHAPES as u64 {
+        return Err(MeshProblem::TooMany { place: place.to_owned(), what: "instances", most: MOST_SHAPES as u64 });
     }
     let place = format!("{place}, {INSTANCING}");
     let count = count as usize;

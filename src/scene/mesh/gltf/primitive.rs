@@ -86,7 +86,7 @@ impl<'a> Primitive<'a> {
         }))
     }
 
-    /// Adds an instance as a piece of its own. A transform that mirrors turns the triangles around.
+    /// Adds an instance as a shape of its own. A transform that mirrors turns the triangles around.
     pub fn place(
         &self,
         world_from_mesh: &Matrix4<f64>,
@@ -98,7 +98,7 @@ impl<'a> Primitive<'a> {
         if assembly.triangles() + self.triangles.len() > MOST_TRIANGLES {
             return Err(MeshProblem::TooMany { place: place(), what: "triangles", most: MOST_TRIANGLES as u64 });
         }
-        assembly.piece(name.to_owned(), place)?;
+        assembly.shape(name.to_owned(), place)?;
         let first = assembly.vertices().len() as u32;
         assembly.placed.push(PlacedPrimitive { source, vertices: first..first + self.positions.len() as u32 });
         for (index, position) in self.positions.iter().enumerate() {

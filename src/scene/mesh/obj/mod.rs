@@ -86,8 +86,8 @@ struct Reader<'b, 'p> {
     material_of_name: HashMap<String, u32>,
     /// That of the next faces; `None` before the first `usemtl`.
     material: Option<u32>,
-    /// The name of the piece that begins with the next face.
-    next_piece: Option<String>,
+    /// The name of the shape that begins with the next face.
+    next_shape: Option<String>,
     /// Number of statements about curves and surfaces without triangles.
     free_forms: usize,
 }
@@ -100,7 +100,7 @@ impl<'b, 'p> Reader<'b, 'p> {
             texture_coordinates: Vec::new(),
             material_of_name: HashMap::new(),
             material: None,
-            next_piece: Some(String::new()),
+            next_shape: Some(String::new()),
             free_forms: 0,
         }
     }
@@ -113,7 +113,7 @@ impl<'b, 'p> Reader<'b, 'p> {
             "v" => self.vertex(line)?,
             "vt" => self.coordinates(line)?,
             "f" | "fo" => self.face(line)?,
-            "o" | "g" => self.next_piece = Some(rest().to_owned()),
+            "o" | "g" => self.next_shape = Some(rest().to_owned()),
             "usemtl" => self.use_material(rest()),
             "mtllib" => self.library(rest())?,
             "curv" | "curv2" | "surf" => self.free_forms += 1,
@@ -156,8 +156,8 @@ impl<'b, 'p> Reader<'b, 'p> {
         if corners.len() < 3 {
             return Err(line.problem("a face has at least three corners").into());
         }
-        if let Some(name) = self.next_piece.take() {
-            self.assembly.piece(name, || line.place())?;
+        if let Some(name) = self.next_shape.take() {
+            self.assembly.shape(name, || line.place())?;
         }
         let material = match self.material {
             Some(material) => material,

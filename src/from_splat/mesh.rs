@@ -13,7 +13,7 @@ const AMBIENT: f32 = 0.45;
 const FROM_CAMERA: f32 = 0.5;
 
 /// The mesh as `camera` sees it: straight alpha, which is the share of the pixel that it covers, and sRGB colours.
-pub fn picture(mesh: &PaintedMesh, camera: &Camera) -> RgbaImage {
+pub(super) fn picture(mesh: &PaintedMesh, camera: &Camera) -> RgbaImage {
     let eye = camera.center_in_world();
     let lit = |point: &SurfacePoint, area: f64| {
         let towards_eye = (eye - mesh.position(point)).try_normalize(0.0).unwrap_or_default();
