@@ -15,7 +15,7 @@ use gprop::materials::MaterialLibrary;
 use gprop::query::{Answer, Answers, Outcome, SubjectAnswer, SubjectId};
 use gprop::render::{LANES, RenderOptions, Sink, Splat, render, visit};
 use gprop::segment::LabelMap;
-use gprop::vote::{Options, Rule, ViewInput, vote};
+use gprop::vote::{Options, Rule, VotingView, vote};
 use gprop::words::progress::Progress;
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -102,7 +102,7 @@ fn copy_bandwidth() -> f64 {
     2.0 * copy.len() as f64 / start.elapsed().as_secs_f64()
 }
 
-fn account(gaussians: &Gaussians, cameras: &[Camera], views: &[ViewInput], answers: &Answers) {
+fn account(gaussians: &Gaussians, cameras: &[Camera], views: &[VotingView], answers: &Answers) {
     let start = Instant::now();
     let new = |_| Count::default();
     let counted = cameras.iter().flat_map(|camera| visit(gaussians, camera, &RenderOptions::default(), new));
@@ -136,8 +136,8 @@ fn draw_and_vote(criterion: &mut Criterion) {
     let cameras: Vec<Camera> = (0..VIEWS).map(camera).collect();
     let names: Vec<String> = (0..VIEWS).map(|n| format!("{n:03}")).collect();
     let (map, answers) = (map(), answers(&names));
-    let views: Vec<ViewInput> =
-        names.iter().zip(&cameras).map(|(name, camera)| ViewInput { name, camera, map: &map }).collect();
+    let views: Vec<VotingView> =
+        names.iter().zip(&cameras).map(|(name, camera)| VotingView { name, camera, map: &map }).collect();
     let library = MaterialLibrary::builtin();
 
     account(&gaussians, &cameras, &views, &answers);

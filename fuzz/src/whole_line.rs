@@ -12,7 +12,7 @@ use gprop::scene::object::outliers;
 use gprop::scene::splat::ply;
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, MetricScale, ScaleSource};
-use gprop::vote::{self, ViewInput, vote};
+use gprop::vote::{self, VotingView, vote};
 use gprop::words::progress::Progress;
 use nalgebra::{Isometry3, Point3, Vector3};
 
@@ -51,7 +51,7 @@ pub fn whole_line(bytes: &[u8]) {
     }
     let names: Vec<String> = (0..ball.cameras.len()).map(|view| view.to_string()).collect();
     let views = names.iter().zip(&ball.cameras).zip(&ball.maps);
-    let views: Vec<_> = views.map(|((name, camera), map)| ViewInput { name, camera, map }).collect();
+    let views: Vec<_> = views.map(|((name, camera), map)| VotingView { name, camera, map }).collect();
     let (library, hidden) = (MaterialLibrary::builtin(), Progress::Hidden);
     let Ok(field) = vote(&gaussians, &views, &ball.answers, library, &vote::Options::default(), hidden) else { return };
     let scale =

@@ -39,7 +39,7 @@ pub enum QuestionStep {
 pub type Failures = Vec<(String, String)>;
 
 /// The questions of a batch's scenes.
-pub struct Questions<'a> {
+pub struct BatchQuestions<'a> {
     batch: &'a Batch,
     client: Client,
     answers: AnswerSource,
@@ -51,7 +51,7 @@ pub struct Questions<'a> {
     _lock: Ledger,
 }
 
-impl<'a> Questions<'a> {
+impl<'a> BatchQuestions<'a> {
     /// The questions of `batch`, for the server that `options` name.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::batch::{Batch, BatchError, Outcome, QuestionStep, Questions, Shard, Standing, State, Summary, Task};
+use crate::batch::{Batch, BatchError, BatchQuestions, Outcome, QuestionStep, Shard, Standing, State, Summary, Task};
 use crate::error::{Result, UsageError};
 use crate::pipeline::{self, Stage};
 use crate::query::AnswerSource;
@@ -45,7 +45,7 @@ pub fn run(global: &Global, args: &BatchArgs) -> Result<()> {
     }
     if let Some(step) = args.queries {
         let options_of = |scene: &Path| options_of(scene, &global.flags.typed);
-        return questions(global, step, &batch, &Questions::new(&batch, &args.options, &options_of)?);
+        return questions(global, step, &batch, &BatchQuestions::new(&batch, &args.options, &options_of)?);
     }
     let (total, mut ended) = (batch.scenes().count(), 0);
     announce(&args.options, total)?;
@@ -154,7 +154,7 @@ fn check_from(args: &BatchArgs) -> Result<(), UsageError> {
     Err(UsageError(problem))
 }
 
-fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &Questions) -> Result<()> {
+fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &BatchQuestions) -> Result<()> {
     let failures = match step {
         QuestionStep::Submit => {
             let (sent, failures) = questions.submit()?;

@@ -220,11 +220,11 @@ pub fn dry_run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simul
         return Ok(DryRun { stages: listed(&stages, &[]), queries: None, to });
     }
     let pipeline = open(global, folder, work, to, simulates)?;
-    let reusable = pipeline.planned().reusable(pipeline.opened())?;
+    let reusable = pipeline.run_state().reusable(pipeline.opened())?;
     // The questions are known only once the parts are.
     let asked = to >= Stage::Query && reusable.contains(&Stage::Consensus) && !reusable.contains(&Stage::Query);
     let queries = if asked { Some(stages::query::preview(pipeline.opened())?) } else { None };
-    let stages: Vec<Stage> = pipeline.planned().stages().collect();
+    let stages: Vec<Stage> = pipeline.run_state().stages().collect();
     Ok(DryRun { stages: listed(&stages, &reusable), queries, to })
 }
 

@@ -75,7 +75,7 @@ fn segment(segmenter: &Segmenter, views: &[TruePhoto], options: &Options) -> Res
 struct Asked(AtomicUsize);
 
 impl Observer for Asked {
-    fn planned(&self, _: usize) {}
+    fn announced(&self, _: usize) {}
 
     fn prompted(&self) {
         self.0.fetch_add(1, Ordering::Relaxed);

@@ -30,13 +30,13 @@ use super::stages::{self, OpenScene, Stage, Tools};
 use super::{Options, Plan, work_folder};
 
 /// The work folder of a scene in which some stages are completely done.
-pub struct Stored {
+pub struct StoredRun {
     work: WorkDir,
     record: RunRecord,
     command: String,
 }
 
-impl Stored {
+impl StoredRun {
     /// Opens the results of a run on the scene in `folder` (in `out` if given), from which `stages` are to be read.
     ///
     /// # Errors
@@ -200,7 +200,7 @@ fn is_within(path: &Path, folder: &Path) -> bool {
 /// only from the folders in `allow_read`. Changes nothing on disk.
 ///
 /// # Errors
-/// As for [`Stored::open`]; also if the scene's files have changed since, or the scene cannot be loaded.
+/// As for [`StoredRun::open`]; also if the scene's files have changed since, or the scene cannot be loaded.
 pub fn open(
     folder: &Path,
     out: Option<&Path>,
@@ -209,11 +209,11 @@ pub fn open(
     progress: Progress<'static>,
 ) -> Result<OpenScene> {
     let plan = Plan::to(last);
-    let stored = Stored::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
+    let stored = StoredRun::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
     let options = stored.options(folder, out.is_some(), allow_read)?;
     let scene = crate::scene::load_with_progress(folder, &options.scene, progress).map_err(SceneError::without_flag)?;
     let tools = Tools::load(&options)?;
-    let Stored { work, record, command } = stored;
+    let StoredRun { work, record, command } = stored;
     let open = OpenScene::new(folder, work, scene, tools, options, Watcher { shown: progress, ..Watcher::default() })?;
     let key = stages::scene::key(&open)?;
     if record.of(Stage::Scene).is_none_or(|done| done.key != key) {

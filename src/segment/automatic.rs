@@ -77,7 +77,7 @@ impl Request<'_> {
         let mut answers: Vec<Option<Vec<Candidate>>> = vec![None; grid.len()];
         for pass in passes {
             let asked = self.worth_asking(&pass, &grid, &crop, &answers);
-            self.observer.planned(asked.len());
+            self.observer.announced(asked.len());
             if asked.is_empty() {
                 continue;
             }

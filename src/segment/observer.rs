@@ -2,14 +2,14 @@
 
 /// Receives progress reports about a picture, from any thread.
 pub trait Observer: Sync {
-    /// This many more prompts are planned for the picture.
-    fn planned(&self, prompts: usize);
+    /// Announces this many more prompts for the picture.
+    fn announced(&self, prompts: usize);
     /// One prompt is done.
     fn prompted(&self);
 }
 
 /// Ignores everything.
 impl Observer for () {
-    fn planned(&self, _: usize) {}
+    fn announced(&self, _: usize) {}
     fn prompted(&self) {}
 }

@@ -57,7 +57,7 @@ const BY_PROMPTS: u64 = WHOLE / 2;
 /// One view's part of the bar.
 struct ViewTally<'a> {
     tally: &'a Tally<'a>,
-    planned: AtomicU64,
+    announced: AtomicU64,
     prompted: AtomicU64,
     /// How much of its part is filled, in [`WHOLE`]ths.
     filled: AtomicU64,
@@ -77,7 +77,7 @@ impl<'a> Tally<'a> {
 
     fn view(&self) -> ViewTally<'_> {
         let zero = || AtomicU64::new(0);
-        ViewTally { tally: self, planned: zero(), prompted: zero(), filled: zero() }
+        ViewTally { tally: self, announced: zero(), prompted: zero(), filled: zero() }
     }
 
     fn view_done(&self) {
@@ -103,13 +103,13 @@ impl ViewTally<'_> {
 }
 
 impl Observer for ViewTally<'_> {
-    fn planned(&self, prompts: usize) {
-        self.planned.fetch_add(prompts as u64, Ordering::Relaxed);
+    fn announced(&self, prompts: usize) {
+        self.announced.fetch_add(prompts as u64, Ordering::Relaxed);
     }
 
     fn prompted(&self) {
         let prompted = self.prompted.fetch_add(1, Ordering::Relaxed) + 1;
-        self.fill(BY_PROMPTS * prompted / self.planned.load(Ordering::Relaxed).max(prompted));
+        self.fill(BY_PROMPTS * prompted / self.announced.load(Ordering::Relaxed).max(prompted));
     }
 }
 
@@ -130,10 +130,10 @@ mod tests {
         let mut positions = Vec::new();
         for late in [0, 7] {
             let view = tally.view();
-            view.planned(3);
+            view.announced(3);
             for prompt in 0..3 + late {
                 if prompt == 2 {
-                    view.planned(late);
+                    view.announced(late);
                 }
                 view.prompted();
                 positions.push(tally.bar.position());

@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::{AnsweredPart, ViewInput, VoteError};
+use super::{AnsweredPart, VoteError, VotingView};
 use crate::materials::MaterialLibrary;
 use crate::query::{Answer, Answers, Outcome, SubjectId};
 use crate::words::output::{agreeing, counted};
@@ -37,7 +37,7 @@ impl<'a> AnsweredSubjects<'a> {
     ///
     /// # Errors
     /// [`VoteError::UnknownMaterial`] if an answer names a material that `library` does not have.
-    pub fn new(views: &[ViewInput], answers: &'a Answers, library: &MaterialLibrary) -> Result<Self, VoteError> {
+    pub fn new(views: &[VotingView], answers: &'a Answers, library: &MaterialLibrary) -> Result<Self, VoteError> {
         let outcomes = answers.by_subject();
         let mut found = Self::of_answers(views, "segment", |view, id| {
             match outcomes.get(&(views[view].name, SubjectId::Segment(id)))? {
@@ -55,7 +55,7 @@ impl<'a> AnsweredSubjects<'a> {
 
     /// As [`Self::new`], for label maps whose ids are those of `parts` in all views.
     pub fn of_parts(
-        views: &[ViewInput],
+        views: &[VotingView],
         parts: &'a [AnsweredPart],
         library: &MaterialLibrary,
     ) -> Result<Self, VoteError> {
@@ -73,7 +73,7 @@ impl<'a> AnsweredSubjects<'a> {
         Ok(found)
     }
 
-    fn of_answers(views: &[ViewInput], what: &str, answer: impl Fn(usize, u16) -> Option<&'a Answer>) -> Self {
+    fn of_answers(views: &[VotingView], what: &str, answer: impl Fn(usize, u16) -> Option<&'a Answer>) -> Self {
         let mut found =
             Self { subjects: vec![], materials: vec![], index: vec![], warnings: vec![], notes: vec![], in_maps: 0 };
         let mut unanswered = Vec::new();
@@ -142,7 +142,7 @@ fn check_material(answer: &Answer, about: impl Fn() -> String, library: &Materia
 }
 
 /// By id: true if the view's label map contains it. The background, 0, is not a segment.
-fn ids_of(view: &ViewInput) -> Vec<bool> {
+fn ids_of(view: &VotingView) -> Vec<bool> {
     let largest = view.map.labels.iter().copied().max().unwrap_or(0);
     let mut present = vec![false; usize::from(largest) + 1];
     for &label in &view.map.labels {

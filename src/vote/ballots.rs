@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::answered_subjects::AnsweredSubjects;
 use super::options::Rule;
-use super::{Progress, ViewInput};
+use super::{Progress, VotingView};
 use crate::gaussians::Gaussians;
 use crate::render::depth_test::{DepthMap, DepthTest};
 use crate::render::{Projected, RenderOptions, Splat, contributions};
@@ -37,7 +37,7 @@ impl Ballots {
     /// Collects the votes of every view.
     pub fn cast(
         gaussians: &Gaussians,
-        views: &[ViewInput],
+        views: &[VotingView],
         subjects: &AnsweredSubjects,
         rule: Rule,
         progress: Progress,

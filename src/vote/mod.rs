@@ -45,7 +45,7 @@ use tally::{Elected, PartMaterial};
 
 /// A view that votes.
 #[derive(Debug, Clone, Copy)]
-pub struct ViewInput<'a> {
+pub struct VotingView<'a> {
     /// Its name, as in the answers.
     pub name: &'a str,
     pub camera: &'a Camera,
@@ -232,7 +232,7 @@ pub struct Filled {
 /// that is not in the library, or there is no vote at all.
 pub fn vote(
     gaussians: &Gaussians,
-    views: &[ViewInput],
+    views: &[VotingView],
     answers: &Answers,
     library: &MaterialLibrary,
     options: &Options,
@@ -256,7 +256,7 @@ pub fn vote(
 /// As for [`vote`].
 pub fn vote_on_parts(
     gaussians: &Gaussians,
-    views: &[ViewInput],
+    views: &[VotingView],
     parts: &[AnsweredPart],
     library: &MaterialLibrary,
     options: &Options,
@@ -275,7 +275,7 @@ pub fn vote_on_parts(
 
 /// The votes of all views, and what they are about.
 struct Votes<'a> {
-    views: &'a [ViewInput<'a>],
+    views: &'a [VotingView<'a>],
     subjects: AnsweredSubjects<'a>,
     ballots: Ballots,
     identity: Identity<'a>,
@@ -350,7 +350,7 @@ impl Votes<'_> {
     }
 }
 
-fn check(gaussians: &Gaussians, views: &[ViewInput]) -> Result<(), VoteError> {
+fn check(gaussians: &Gaussians, views: &[VotingView]) -> Result<(), VoteError> {
     if gaussians.is_empty() {
         return Err(VoteError::NoGaussians);
     }
@@ -386,13 +386,13 @@ fn strange_gaussians(gaussians: &Gaussians) -> Vec<String> {
 }
 
 /// A warning for each view whose camera is inside the object, where it cannot be.
-fn cameras_inside(gaussians: &Gaussians, views: &[ViewInput]) -> Vec<String> {
+fn cameras_inside(gaussians: &Gaussians, views: &[VotingView]) -> Vec<String> {
     let bounds = robust_bounds(gaussians);
-    let is_inside = |view: &&ViewInput| {
+    let is_inside = |view: &&VotingView| {
         let eye = view.camera.center_in_world();
         (0..3).all(|axis| bounds.min[axis] <= eye[axis] && eye[axis] <= bounds.max[axis])
     };
-    let text = |view: &ViewInput| {
+    let text = |view: &VotingView| {
         format!(
             "the camera of view `{}` stands inside the object's bounding box: `gprop inspect SCENE --html FILE` shows whether cameras \
              and splat belong together",

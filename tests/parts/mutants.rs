@@ -18,7 +18,7 @@ use gprop::scene::splat::ply;
 use gprop::scene::{self, Scene, View};
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, Range};
-use gprop::vote::{self, ViewInput, vote};
+use gprop::vote::{self, VotingView, vote};
 use gprop::words::progress::Progress;
 use tempfile::TempDir;
 
@@ -78,7 +78,7 @@ impl Line {
         ply::write(fs::File::create(&splat).unwrap(), gaussians, &[]).unwrap();
         let scene = self.load(&splat)?;
         let views: Vec<_> =
-            self.maps.iter().map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect();
+            self.maps.iter().map(|(view, map)| VotingView { name: &view.name, camera: &view.camera, map }).collect();
         let (library, hidden) = (MaterialLibrary::builtin(), Progress::Hidden);
         let field = vote(&scene.gaussians, &views, &self.answers, library, &vote::Options::default(), hidden)?;
         assert_eq!(field.part_label.len(), scene.gaussians.len(), "every Gaussian has a label");

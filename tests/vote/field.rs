@@ -10,8 +10,8 @@ use gprop::render::{RenderOptions, render, render_labels};
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, Range, ShoreHardness, ShoreScale};
 use gprop::vote::{
-    Agreement, AnsweredPart, Contents, FieldLabel, MaterialField, Options, Rule, ViewInput, VoteError, field_ply, vote,
-    vote_on_parts,
+    Agreement, AnsweredPart, Contents, FieldLabel, MaterialField, Options, Rule, VoteError, VotingView, field_ply,
+    vote, vote_on_parts,
 };
 use gprop::words::progress::Progress;
 
@@ -61,8 +61,8 @@ impl Ballot {
         self
     }
 
-    fn inputs(&self) -> Vec<ViewInput<'_>> {
-        self.views.iter().map(|(name, camera, map)| ViewInput { name, camera, map }).collect()
+    fn inputs(&self) -> Vec<VotingView<'_>> {
+        self.views.iter().map(|(name, camera, map)| VotingView { name, camera, map }).collect()
     }
 
     fn count(&self, gaussians: &Gaussians, options: &Options) -> Result<MaterialField, VoteError> {

@@ -7,7 +7,7 @@ use gprop::query::{Answers, Outcome, SubjectAnswer, SubjectId};
 use gprop::render::{RenderOptions, render_labelings};
 use gprop::scene::View;
 use gprop::segment::LabelMap;
-use gprop::vote::{MaterialField, Options, Rule, ViewInput, vote};
+use gprop::vote::{MaterialField, Options, Rule, VotingView, vote};
 use gprop::words::progress::Progress;
 
 use super::build::answer;
@@ -75,7 +75,7 @@ impl Together {
 fn voted(measured: &Measured, maps: &[(View, LabelMap)], rule: Rule) -> MaterialField {
     let answers = true_answers(measured, maps);
     let views: Vec<_> =
-        maps.iter().map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect();
+        maps.iter().map(|(view, map)| VotingView { name: &view.name, camera: &view.camera, map }).collect();
     let options = Options { vote: rule, ..Default::default() };
     vote(&measured.scene.gaussians, &views, &answers, MaterialLibrary::builtin(), &options, Progress::Hidden).unwrap()
 }

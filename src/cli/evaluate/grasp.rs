@@ -9,7 +9,7 @@ use crate::evaluate::grasp::{self as rates, Evaluation, truth};
 use crate::grasp::GraspReport;
 use crate::grasp::gripper::GripperProfile;
 use crate::pipeline::Stage;
-use crate::pipeline::stored::Stored;
+use crate::pipeline::stored::StoredRun;
 use crate::scene::{self, SceneError};
 use crate::workdir::{self, Artifact};
 
@@ -44,7 +44,7 @@ fn grasped(
     allow_read: &[PathBuf],
     gripper: &GripperProfile,
 ) -> Result<GraspedObject> {
-    let stored = Stored::open(folder, out, &[Stage::Grasp])?;
+    let stored = StoredRun::open(folder, out, &[Stage::Grasp])?;
     let path = stored.path(Artifact::Grasp);
     let report: Option<GraspReport> = workdir::read_json(&path)?;
     let options = stored.options(folder, out.is_some(), allow_read)?;

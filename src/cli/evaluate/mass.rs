@@ -10,7 +10,7 @@ use crate::evaluate::mass::{self as masses, Balance, Causes, MassEvaluation, Wei
 use crate::files::read_scope::ReadScope;
 use crate::pipeline::Stage;
 use crate::pipeline::stages::query::direct_session;
-use crate::pipeline::stored::{self, Stored};
+use crate::pipeline::stored::{self, StoredRun};
 use crate::query::{AnswerSource, DirectGuess, WholeOutcome};
 use crate::words::output::{counted, one_line};
 use crate::words::shell;
@@ -31,7 +31,7 @@ pub fn evaluate(global: &Global, asked: &Asked) -> Result<()> {
     let weights =
         asked.weights.map(|path| masses::read_weights(path).with_context(|| format!("{path:?}"))).transpose()?;
     let weigh = |scene: &PathBuf| -> Result<Weighed> {
-        let parts = Stored::open(scene, asked.out, &[Stage::Parts])?.path(Artifact::Parts);
+        let parts = StoredRun::open(scene, asked.out, &[Stage::Parts])?.path(Artifact::Parts);
         let Some(weights) = &weights else { return of_scene(global, scene, &parts, asked) };
         let name = name(scene);
         let weight = weights.get(&name).ok_or_else(|| {

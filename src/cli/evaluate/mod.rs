@@ -27,7 +27,7 @@ use crate::files;
 use crate::files::npz::Npz;
 use crate::files::read_scope::ReadScope;
 use crate::from_splat::photo_with_foreground;
-use crate::pipeline::stored::{self, Stored};
+use crate::pipeline::stored::{self, StoredRun};
 use crate::pipeline::{self, Stage, open_segmenter};
 use crate::scene::{self, SceneError, dataset};
 use crate::segment;
@@ -84,7 +84,7 @@ fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>, allow_read: &[
         return Ok(BTreeMap::new());
     }
     let open = stored::open(scene, out, allow_read, Stage::Vote, global.progress())?;
-    let (gaussians, field) = Stored::open(scene, out, &[Stage::Vote])?.field()?;
+    let (gaussians, field) = StoredRun::open(scene, out, &[Stage::Vote])?.field()?;
     let in_input_frame = open.scene.in_input_frame();
     let mapped = in_input_frame.views.iter().filter(|view| true_map(scene, view).exists());
     let views = mapped.map(|view| true_view(scene, view, &open.options.scene, false));
@@ -101,7 +101,7 @@ fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: O
         let Some(weight_kg) = entry.mass_kg else { continue };
         weights += 1;
         let work = out.map(|out| out.join(&entry.name));
-        match Stored::open(&entry.folder, work.as_deref(), &[Stage::Parts]) {
+        match StoredRun::open(&entry.folder, work.as_deref(), &[Stage::Parts]) {
             Ok(stored) => objects.push(masses::from_weight(&entry.name, &stored.path(Artifact::Parts), weight_kg)?),
             Err(WorkDirError::Unfinished { .. }) => missing.push(entry.name),
             Err(error) => return Err(error.into()),
@@ -146,7 +146,7 @@ fn measure(
     allow_read: &[PathBuf],
 ) -> Result<Vec<Measured>> {
     let folder = points.parent().unwrap_or(Path::new("")).join(scene);
-    let stored = Stored::open(&folder, out, &[Stage::Vote])?;
+    let stored = StoredRun::open(&folder, out, &[Stage::Vote])?;
     let options = stored.options(&folder, out.is_some(), allow_read)?.scene;
     let loaded = scene::load(&folder, &options).map_err(SceneError::without_flag)?;
     let (gaussians, field) = stored.field()?;

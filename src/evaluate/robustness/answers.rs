@@ -15,7 +15,7 @@ use crate::materials::{Material, MaterialLibrary};
 use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, SubjectInView};
 use crate::query::{Answer, Answers, Outcome, SubjectAnswer, SubjectId};
 use crate::segment::{LabelMap, ViewSegments};
-use crate::vote::{self, AnsweredPart, MaterialField, ViewInput, VoteError};
+use crate::vote::{self, AnsweredPart, MaterialField, VoteError, VotingView};
 use crate::words::progress::Progress;
 
 /// A mask shows several materials if no true part covers this share of it.
@@ -118,9 +118,9 @@ impl Voters<'_> {
         vote::vote(self.gaussians, &inputs, &answers, MaterialLibrary::builtin(), options, Progress::Hidden)
     }
 
-    fn inputs<'m>(&'m self, maps: impl Iterator<Item = &'m LabelMap>) -> Vec<ViewInput<'m>> {
+    fn inputs<'m>(&'m self, maps: impl Iterator<Item = &'m LabelMap>) -> Vec<VotingView<'m>> {
         let input =
-            |(view, map): (&&'m VotingView, &'m LabelMap)| ViewInput { name: view.name, camera: view.camera, map };
+            |(view, map): (&&'m VotingView, &'m LabelMap)| VotingView { name: view.name, camera: view.camera, map };
         self.views.iter().zip(maps).map(input).collect()
     }
 

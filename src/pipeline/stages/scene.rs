@@ -30,7 +30,7 @@ struct ViewsFile<'a> {
 
 /// The part of `views.json` that is read again.
 #[derive(Deserialize)]
-struct Stored {
+struct StoredViews {
     scale: Option<MetricScale>,
     #[serde(default)]
     misfit: Option<String>,
@@ -118,10 +118,10 @@ pub(super) fn scale(open: &OpenScene) -> Result<Option<MetricScale>, WorkDirErro
 
 /// The scale in `views.json`.
 pub fn stored_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError> {
-    Ok(work.read_json::<Stored>(Artifact::Views)?.scale)
+    Ok(work.read_json::<StoredViews>(Artifact::Views)?.scale)
 }
 
 /// How photos and splat disagree, as in `views.json`; `None` if they agree.
 pub fn misfit(open: &OpenScene) -> Result<Option<String>, WorkDirError> {
-    Ok(open.work.read_json::<Stored>(Artifact::Views)?.misfit)
+    Ok(open.work.read_json::<StoredViews>(Artifact::Views)?.misfit)
 }

@@ -14,7 +14,7 @@ use crate::query::Answers;
 use crate::scene::View;
 use crate::scene::splat::ply;
 use crate::segment::LabelMap;
-use crate::vote::{self, FieldLabel, MaterialField, ViewInput, VoteError, field_ply, vote_on_parts};
+use crate::vote::{self, FieldLabel, MaterialField, VoteError, VotingView, field_ply, vote_on_parts};
 use crate::words::output::counted;
 use crate::words::part_name::part_name;
 use crate::workdir::{self, Artifact, WorkDirError};
@@ -70,7 +70,7 @@ fn correction_note(label: &FieldLabel) -> Option<String> {
 pub fn elect(
     open: &OpenScene,
     about: &FoundSubjects,
-    views: &[ViewInput],
+    views: &[VotingView],
     answers: &Answers,
 ) -> Result<MaterialField, VoteError> {
     let (gaussians, library, options) = (&open.scene.gaussians, &*open.library, &open.options.vote);
@@ -133,9 +133,9 @@ pub(super) fn require_all_gaussians(open: &OpenScene, artifact: Artifact, found:
 }
 
 /// The views with the label maps that they vote by.
-pub fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<ViewInput<'a>> {
+pub fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<VotingView<'a>> {
     let with_map = views.iter().zip(maps);
-    with_map.map(|(view, map)| ViewInput { name: &view.name, camera: &view.camera, map }).collect()
+    with_map.map(|(view, map)| VotingView { name: &view.name, camera: &view.camera, map }).collect()
 }
 
 /// More labels than a vote gives: the work folder may come from anyone, and labels are compared with each other.

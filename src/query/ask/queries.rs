@@ -119,7 +119,7 @@ fn subjects_of(view: &ViewSubjects, about: AskAbout, options: &Options) -> Resul
                 view: view.name.into(),
                 id,
                 photo_sha256: photo_sha256.clone(),
-                mask: Mask::of_segment(map, id),
+                mask: Mask::of_id(map, id),
                 regions: Vec::new(),
                 sheet_sha256: sheet.pixels_sha256(),
                 sheet_size: sheet.picture.dimensions(),

@@ -94,7 +94,7 @@ impl Dialect {
         Self { limit, ..Self::default() }
     }
 
-    /// What is sent for the request. The text comes before the picture: it is the same for all segments, and servers that cache
+    /// What is sent for the request. The text comes before the picture: it is the same for all subjects, and servers that cache
     /// the beginning of earlier requests process it once.
     pub fn payload(self, settings: &Settings, request: Request) -> Value {
         let Settings { model, temperature, max_tokens, fields } = settings;

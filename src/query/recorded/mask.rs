@@ -1,4 +1,4 @@
-//! The mask of a segment as run lengths, and how well two masks overlap.
+//! The mask of a subject as run lengths, and how well two masks overlap.
 
 use image::GrayImage;
 use serde::{Deserialize, Serialize};
@@ -23,9 +23,9 @@ struct Written {
 }
 
 impl Mask {
-    /// The pixels of `segment` in a label map.
-    pub fn of_segment(map: &LabelMap, segment: u16) -> Self {
-        Self::of_pixels((map.width, map.height), map.labels.iter().map(|label| *label == segment))
+    /// The pixels of the subject with this id in a label map.
+    pub fn of_id(map: &LabelMap, id: u16) -> Self {
+        Self::of_pixels((map.width, map.height), map.labels.iter().map(|label| *label == id))
     }
 
     /// One mask for all regions of a label map: each has a picture of its own, one below the other. Two of them overlap only

@@ -2,7 +2,7 @@
 //!
 //! A recording's key is the SHA-256 of model, parameters, prompt, schema and the sheet's pixels before JPEG.
 //! Floating-point differences between processors may move a mask by a few pixels, and with it the sheet. So a recording
-//! also keeps the hash of its view's photo and the segment's mask, and if no key matches, the recording of the same
+//! also keeps the hash of its view's photo and the subject's mask, and if no key matches, the recording of the same
 //! view, prompt, schema and model with the best mask overlap is used ([`MASK_IOU`]). A recording never contains an API
 //! key or a header.
 
@@ -19,7 +19,7 @@ pub use lock::QuestionLock;
 pub use mask::Mask;
 pub use store::{Miss, RecordingError, Recordings, Who};
 
-/// Lowest overlap at which a recording of another mask is used. Below it, the mask may well be another segment's.
+/// Lowest overlap at which a recording of another mask is used. Below it, the mask may well be another subject's.
 pub const MASK_IOU: f64 = 0.9;
 
 /// A question, independent of who answers it.

@@ -79,7 +79,7 @@ pub enum Miss {
     Live,
     /// There is no recording for this view's photo.
     View,
-    /// This segment is recorded, but for another prompt, schema or model.
+    /// This subject is recorded, but for another prompt, schema or model.
     Prompt,
     /// The view is recorded, but no mask overlaps enough; the best overlap.
     Mask { iou: f64 },
@@ -291,7 +291,7 @@ fn best<'a>(
     }
     let of_prompt = candidates.filter(|recording| recording.asked.has_same_prompt(asked));
     match best_overlap(asked, of_prompt, accepts) {
-        // The same segment of the same photo with the same prompt: the question is the same, however it was drawn.
+        // The same subject of the same photo with the same prompt: the question is the same, however it was drawn.
         Some((recording, 1.0)) => Ok((recording.clone(), Match::Exact)),
         Some((recording, iou)) if iou >= MASK_IOU => Ok((recording.clone(), Match::Mask { iou })),
         best => Err(best.map(|(_, iou)| iou)),

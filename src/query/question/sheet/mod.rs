@@ -1,9 +1,9 @@
-//! The picture that is sent for a segment: the whole object, the same with the segment in red, the segment alone.
+//! The picture that is sent for a subject (a part or a segment): the whole object, the same with the subject in red, the subject alone.
 //!
 //! The paper shows its model the object and the segment together (its ablation: 22.17 mIoU with the segment alone,
 //! 55.83 with both). The three panels are labelled and of equal size, in a row, or one below the other if the object is
 //! so wide that a row would make it small. Everything is drawn with integers and IEEE arithmetic, so that the same
-//! photo and segment give the same pixels on every processor; recordings are found by those pixels, before JPEG.
+//! photo and subject give the same pixels on every processor; recordings are found by those pixels, before JPEG.
 
 pub(crate) mod panel;
 pub mod sides;
@@ -83,7 +83,7 @@ pub struct Drawer<'a> {
     photo: &'a Photo,
     map: &'a LabelMap,
     longest_side: u32,
-    /// The sheet with the whole object in its first panel; `None` if only the segment is shown.
+    /// The sheet with the whole object in its first panel; `None` if only the subject is shown.
     begun: Option<Begun>,
 }
 
@@ -104,20 +104,20 @@ impl<'a> Drawer<'a> {
         Self { photo, map, longest_side, begun }
     }
 
-    /// The sheet of `segment`; `None` if the label map has no pixel of it.
-    pub fn sheet(&self, segment: u16) -> Option<Sheet> {
-        let mask = mask(self.map, |label| label == segment);
-        let segment_box = panel::bounding_box(&mask)?.with_margin(self.map.width, self.map.height);
-        let alone = |size| panel::segment_alone(self.photo, &mask, segment_box, size);
+    /// The sheet of the subject with this id; `None` if the label map has no pixel of it.
+    pub fn sheet(&self, id: u16) -> Option<Sheet> {
+        let mask = mask(self.map, |label| label == id);
+        let subject_box = panel::bounding_box(&mask)?.with_margin(self.map.width, self.map.height);
+        let alone = |size| panel::subject_alone(self.photo, &mask, subject_box, size);
         let picture = match &self.begun {
             Some(Begun { sheet, object_box, object }) => {
                 let mut sheet = sheet.clone();
-                sheet.place(LONGEST_LABEL, &panel::segment_in_red(object.clone(), &mask, *object_box));
+                sheet.place(LONGEST_LABEL, &panel::subject_in_red(object.clone(), &mask, *object_box));
                 sheet.place("3 the part alone", &alone(sheet.panel));
                 sheet.picture
             }
             None => {
-                let mut sheet = Canvas::new(self.longest_side, 1, segment_box.aspect(), u32::MAX);
+                let mut sheet = Canvas::new(self.longest_side, 1, subject_box.aspect(), u32::MAX);
                 sheet.place("the part alone", &alone(sheet.panel));
                 sheet.picture
             }
@@ -126,11 +126,11 @@ impl<'a> Drawer<'a> {
     }
 }
 
-/// The first panel: the object, that is, everything that is foreground or segment.
+/// The first panel: the object, that is, everything that is foreground or subject.
 fn begin(photo: &Photo, map: &LabelMap, longest_side: u32) -> Option<Begun> {
     let foreground = panel::bounding_box(&photo.foreground);
-    let segments = panel::bounding_box(&mask(map, |label| label != 0));
-    let object_box = foreground.into_iter().chain(segments).reduce(Area::hull)?.with_margin(map.width, map.height);
+    let subjects = panel::bounding_box(&mask(map, |label| label != 0));
+    let object_box = foreground.into_iter().chain(subjects).reduce(Area::hull)?.with_margin(map.width, map.height);
     let most_height = object_box.height().saturating_mul(ENLARGED_AT_MOST);
     let mut sheet = Canvas::new(longest_side, 3, object_box.aspect(), most_height);
     let object = panel::object(photo, object_box, sheet.panel);

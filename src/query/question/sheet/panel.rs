@@ -8,12 +8,12 @@ use crate::segment::LabelMap;
 
 /// Background of the object: light enough for dark objects, dark enough that a white one keeps its edge.
 const GROUND: Rgb<u8> = Rgb([222, 222, 222]);
-/// Background of the segment alone.
+/// Background of the subject alone.
 const GREY: Rgb<u8> = Rgb([128, 128, 128]);
 const RED: [u8; 3] = [255, 0, 0];
-/// Share of red over the segment, in tenths: its own appearance still shows through.
+/// Share of red over the subject, in tenths: its own appearance still shows through.
 const RED_TENTHS: u16 = 4;
-/// Width of the red outline inside the segment's edge and of the white one outside it, in pixels of the sheet. The
+/// Width of the red outline inside the subject's edge and of the white one outside it, in pixels of the sheet. The
 /// white outline makes the edge visible on a red object.
 const OUTLINE: u32 = 2;
 /// Blank space around a box: this share of its longer side, but at least the number of pixels below.
@@ -93,8 +93,8 @@ pub fn object(photo: &Photo, object_box: Area, size: (u32, u32)) -> RgbImage {
     fit(&crop, GROUND, size)
 }
 
-/// The object's panel with the segment in translucent red, outlined in red and white.
-pub fn segment_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) -> RgbImage {
+/// The object's panel with the subject in translucent red, outlined in red and white.
+pub fn subject_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) -> RgbImage {
     let mask = scaled_mask(&crop(object_box, |x, y| *mask.get_pixel(x, y)), object.dimensions());
     let edge = near_edge(&mask);
     for ((pixel, coverage), at_edge) in object.pixels_mut().zip(mask.pixels()).zip(edge) {
@@ -113,7 +113,7 @@ pub fn segment_in_red(mut object: RgbImage, mask: &GrayImage, object_box: Area) 
     object
 }
 
-/// A mask scaled like the picture in a panel of this size. A segment that is too thin to cover half of any pixel there,
+/// A mask scaled like the picture in a panel of this size. A subject that is too thin to cover half of any pixel there,
 /// such as a wire in a large photo, gets every pixel that it touches: it must be marked somewhere.
 fn scaled_mask(mask: &GrayImage, size: (u32, u32)) -> GrayImage {
     let scaled = fit(mask, Luma([0]), size);
@@ -160,9 +160,9 @@ fn near_edge(mask: &GrayImage) -> Vec<bool> {
     near
 }
 
-/// The segment's pixels and nothing else, enlarged to fill the panel.
-pub fn segment_alone(photo: &Photo, mask: &GrayImage, segment_box: Area, size: (u32, u32)) -> RgbImage {
-    let crop = crop(segment_box, |x, y| if mask.get_pixel(x, y)[0] == 0 { GREY } else { *photo.rgb.get_pixel(x, y) });
+/// The subject's pixels and nothing else, enlarged to fill the panel.
+pub fn subject_alone(photo: &Photo, mask: &GrayImage, subject_box: Area, size: (u32, u32)) -> RgbImage {
+    let crop = crop(subject_box, |x, y| if mask.get_pixel(x, y)[0] == 0 { GREY } else { *photo.rgb.get_pixel(x, y) });
     fit(&crop, GREY, size)
 }
 
