@@ -180,7 +180,7 @@ impl Pipeline {
     }
 
     /// The stages that are done and planned.
-    pub(crate) fn planned(&self) -> &Run {
+    pub(crate) fn run_state(&self) -> &Run {
         &self.run
     }
 

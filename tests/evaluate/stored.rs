@@ -6,7 +6,7 @@ use std::process::Output;
 use std::time::SystemTime;
 
 use gprop::pipeline::Stage;
-use gprop::pipeline::stored::Stored;
+use gprop::pipeline::stored::StoredRun;
 use gprop::scene::splat::ply;
 use serde_json::Value;
 
@@ -190,7 +190,7 @@ fn the_outliers_of_a_run_stay_set_aside() {
     ply::write(&mut bytes, &gaussians, &[]).unwrap();
     fs::write(&path, bytes).unwrap();
     run(&balls, "vote", &[]);
-    let (gaussians, field) = Stored::open(&balls.scene(0), None, &[Stage::Vote]).unwrap().field().unwrap();
+    let (gaussians, field) = StoredRun::open(&balls.scene(0), None, &[Stage::Vote]).unwrap().field().unwrap();
     assert!(gaussians.is_set_aside(0) && !gaussians.is_set_aside(1));
     assert_eq!(field.part_label.len(), 200);
 }

@@ -8,7 +8,7 @@ use image::GrayImage;
 use crate::consensus::sharpness;
 use crate::error::{Result, UsageError};
 use crate::evaluate::parts::{NO_PART, TrueView};
-use crate::evaluate::robustness::{Robustness, VotingView, measure, text};
+use crate::evaluate::robustness::{Robustness, StudiedView, measure, text};
 use crate::from_splat::photo_with_foreground;
 use crate::pipeline::{OpenScene, Stage, stored};
 use crate::scene::View;
@@ -55,7 +55,7 @@ fn of_scene(folder: &Path, open: &OpenScene, few: NonZeroUsize) -> Result<Robust
     }
     let segmentation = open.get::<Segmentation>()?;
     let voting = open.views.iter().zip(&segmentation.views).map(|(view, segments)| {
-        Ok(VotingView {
+        Ok(StudiedView {
             name: &view.name,
             camera: &view.camera,
             parts: parts(view)?,
@@ -63,7 +63,7 @@ fn of_scene(folder: &Path, open: &OpenScene, few: NonZeroUsize) -> Result<Robust
             segments,
         })
     });
-    let voting: Vec<VotingView> = voting.collect::<Result<_>>()?;
+    let voting: Vec<StudiedView> = voting.collect::<Result<_>>()?;
     if voting.iter().all(|view| shows_no_part(&view.parts)) {
         return Err(no_part("vote").into());
     }

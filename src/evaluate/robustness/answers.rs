@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use fastrand::Rng;
 use image::GrayImage;
 
-use super::{VotingView, merged};
+use super::{StudiedView, merged};
 use crate::consensus::masks::{PartMasks, part_masks};
 use crate::consensus::{self, AskAbout, Parts, SegmentedView, best_views};
 use crate::evaluate::parts::NO_PART;
@@ -24,7 +24,7 @@ const ONE_MATERIAL_SHARE: f64 = 0.9;
 /// Views that vote under one condition.
 pub struct Voters<'a> {
     pub gaussians: &'a Gaussians,
-    pub views: &'a [&'a VotingView<'a>],
+    pub views: &'a [&'a StudiedView<'a>],
     /// Probabilities that a segment is merged with a neighbour and that an answer is wrong.
     pub merged: f64,
     pub wrong: f64,
@@ -120,7 +120,7 @@ impl Voters<'_> {
 
     fn inputs<'m>(&'m self, maps: impl Iterator<Item = &'m LabelMap>) -> Vec<VotingView<'m>> {
         let input =
-            |(view, map): (&&'m VotingView, &'m LabelMap)| VotingView { name: view.name, camera: view.camera, map };
+            |(view, map): (&&'m StudiedView, &'m LabelMap)| VotingView { name: view.name, camera: view.camera, map };
         self.views.iter().zip(maps).map(input).collect()
     }
 
@@ -146,7 +146,7 @@ struct Oracle {
 }
 
 impl Oracle {
-    fn new(views: &[&VotingView], wrong: f64) -> Self {
+    fn new(views: &[&StudiedView], wrong: f64) -> Self {
         let mut parts: Vec<u8> = views.iter().flat_map(|view| view.parts.as_raw().iter().copied()).collect();
         parts.sort_unstable();
         parts.dedup();

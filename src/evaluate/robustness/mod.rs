@@ -30,7 +30,7 @@ const MERGED: f64 = 0.5;
 const WRONG: f64 = 0.1;
 
 /// A view that votes.
-pub struct VotingView<'a> {
+pub struct StudiedView<'a> {
     pub name: &'a str,
     pub camera: &'a Camera,
     /// The true part of each pixel, 255 for none.
@@ -84,15 +84,15 @@ const CONDITIONS: [Condition; 5] = [
 /// [`VoteError`] as for [`vote::vote`].
 pub fn measure(
     scene: &Scene,
-    views: &[VotingView],
+    views: &[StudiedView],
     few: NonZeroUsize,
     compared: &[TrueView],
     asked: &consensus::Options,
     vote: &vote::Options,
 ) -> Result<Robustness, VoteError> {
-    let all: Vec<&VotingView> = views.iter().collect();
+    let all: Vec<&StudiedView> = views.iter().collect();
     let few = few.get().min(all.len());
-    let some: Vec<&VotingView> = (0..few).map(|n| all[n * all.len() / few]).collect();
+    let some: Vec<&StudiedView> = (0..few).map(|n| all[n * all.len() / few]).collect();
     let ious = |condition: &Condition, seed: u64| {
         let views = if condition.few { &some } else { &all };
         let voters = Voters { gaussians: &scene.gaussians, views, merged: condition.merged, wrong: condition.wrong };
