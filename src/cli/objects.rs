@@ -1,14 +1,12 @@
 //! `gprop objects`, and runs of captures that show several objects: one object after the other, each as a scene of its own.
 
 use std::ffi::OsString;
-use std::path::Path;
-
-use nalgebra::Vector3;
+use std::path::{Path, PathBuf};
 
 use crate::config;
 use crate::error::{Context, Error, ErrorKind, Result, UsageError};
 use crate::exit;
-use crate::export::{Format, Table, compose_mjcf};
+use crate::export::{Body, ExportError, Format, Table, compose};
 use crate::objects::{self, Objects, SomeFailed};
 use crate::pipeline::{Options, Stage, work_folder_of};
 use crate::scene::{ObjectChoice, ObjectNumber, Plane, StandingObjects};
@@ -16,6 +14,7 @@ use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
 
 use super::arguments::ForPython;
+use super::scene::Exported;
 use super::{ExportArgs, Global, WorkArgs, print, print_works, scene, shown};
 
 /// The stages of a run.
@@ -187,34 +186,49 @@ fn for_object(global: &Global, number: ObjectNumber) -> Global {
     global
 }
 
-/// Exports every object into one folder; as MJCF, also all of them on the surface on which they stand.
+/// Exports every object into one folder, and all of them as one scene in each format that can hold one.
 pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     let formats = scene::formats(args)?;
     let found = StandingObjects::find(&args.scene, &args.options.scene)?;
     found.require_any()?;
     refuse_options_of_one_object(&args.options)?;
-    let (mut files, mut names) = (Vec::new(), Vec::new());
-    let mut meters_per_unit = 1.0;
+    let mut objects = Vec::new();
     for number in ObjectNumber::first(found.count) {
         let mut options = args.options.clone();
         options.scene.object = ObjectChoice::One(number);
         let own = for_object(global, number);
-        let exported = scene::export_one(&own, args, &options).with_context(|| number.to_string())?;
-        meters_per_unit = exported.meters_per_unit.unwrap_or(meters_per_unit);
-        names.push(exported.name);
-        files.extend(exported.files);
+        objects.push(scene::export_one(&own, args, &options).with_context(|| number.to_string())?);
     }
-    if formats.contains(&Format::Mjcf) {
-        let surface = if found.up.is_z() {
-            Plane { offset: found.support.offset * meters_per_unit, ..found.support }
-        } else {
-            Plane { normal: Vector3::z(), offset: 0.0 }
-        };
-        let table = Table { name: &found.name, objects: &names, surface };
-        let composed = compose_mjcf(&table, &args.out)?;
-        // It took the place of those of the single objects.
-        files.retain(|file| *file != composed);
-        files.insert(0, composed);
-    }
+    let composed = compose_all(&found, &mut objects, formats, &args.out)?;
+    let mut files = composed.clone();
+    // Those that took the place of a file of a single object are listed once.
+    files.extend(objects.into_iter().flat_map(|object| object.files).filter(|file| !composed.contains(file)));
     scene::print_files(global, &files)
+}
+
+/// Writes the scene of all objects, and returns its files.
+fn compose_all(
+    found: &StandingObjects,
+    objects: &mut [Exported],
+    formats: &[Format],
+    out: &Path,
+) -> Result<Vec<PathBuf>> {
+    let names: Vec<String> = objects.iter().map(|object| object.name.clone()).collect();
+    let bodies: Vec<Body> = objects.iter_mut().filter_map(|object| object.body.take()).collect();
+    if bodies.len() < objects.len() && formats.iter().any(|format| format.has_bodies()) {
+        return Err(ExportError::NoMass.into());
+    }
+    let turn = found.up.world_from_input();
+    let table = Table {
+        name: &found.name,
+        objects: &names,
+        bodies: &bodies,
+        world_from_input: turn,
+        scale: objects.first().and_then(|object| object.scale.as_ref()),
+        support: Plane { normal: turn * found.support.normal, ..found.support },
+        surroundings: &found.surroundings(),
+        surroundings_as_read: &found.surroundings_as_read(),
+        inputs: objects.first().map_or(&[], |object| object.inputs.as_slice()),
+    };
+    Ok(compose(&table, formats, out)?)
 }

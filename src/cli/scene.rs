@@ -9,13 +9,14 @@ use serde_json::Value;
 use crate::config;
 use crate::consensus::AskAbout;
 use crate::error::{Result, UsageError};
-use crate::export::Format;
+use crate::export::{self, Body, Format};
 use crate::files::write;
 use crate::film;
 use crate::pipeline::export::ExportOptions;
-use crate::pipeline::{Builder, CommandLine, Options, Pipeline, Plan, Stage, export, is_untouched, show, stages};
+use crate::pipeline::{self, Builder, CommandLine, Options, Pipeline, Plan, Stage, is_untouched, show, stages};
 use crate::query::Preview;
 use crate::report;
+use crate::units::MetricScale;
 use crate::workdir::Artifact;
 
 use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_path, print_text, shown};
@@ -148,8 +149,11 @@ pub struct Exported {
     /// The name of the scene, by which its files are called.
     pub name: String,
     pub files: Vec<PathBuf>,
-    /// `None` if the scale is unknown.
-    pub meters_per_unit: Option<f64>,
+    pub body: Option<Body>,
+    /// `None` if it is unknown.
+    pub scale: Option<MetricScale>,
+    /// The files that the scene was read from.
+    pub inputs: Vec<PathBuf>,
 }
 
 /// Exports one object with these options.
@@ -159,10 +163,10 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
     let mut pipeline = builder_with(global, &args.scene, args.work.as_deref(), options, plan).open()?;
     pipeline.run()?;
     let wanted = ExportOptions { formats, colliders: args.colliders, samples: args.samples as usize };
-    let files = export::export(&mut pipeline, &wanted, &args.out)?;
+    let export::Exported { files, body } = pipeline::export::export(&mut pipeline, &wanted, &args.out)?;
     let open = pipeline.opened();
     let scale = stages::parts::scale(open)?;
-    Ok(Exported { name: open.scene.name.clone(), files, meters_per_unit: scale.map(|scale| scale.meters_per_unit) })
+    Ok(Exported { name: open.scene.name.clone(), files, body, scale, inputs: open.scene.files.clone() })
 }
 
 /// Prints the paths of files that were written.

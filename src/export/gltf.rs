@@ -51,6 +51,8 @@ pub struct Gltf {
     textures: Vec<Value>,
     nodes: Vec<Value>,
     roots: Vec<usize>,
+    /// Of the whole file; nothing if null.
+    pub extensions: Value,
 }
 
 impl Gltf {
@@ -140,6 +142,43 @@ impl Gltf {
         self.nodes.len() - 1
     }
 
+    pub fn node_mut(&mut self, node: usize) -> &mut Value {
+        &mut self.nodes[node]
+    }
+
+    /// Adds all of a file that gprop wrote without pictures: its JSON and its bytes. Returns the first node without parent; `None`
+    /// if it is not such a file.
+    pub fn join(&mut self, file: &Value, bytes: &[u8]) -> Option<usize> {
+        self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
+        let behind = self.bytes.len();
+        self.bytes.extend_from_slice(bytes);
+        let [views, accessors, meshes, materials, nodes] =
+            [&self.views, &self.accessors, &self.meshes, &self.materials, &self.nodes].map(Vec::len);
+        let list = |name: &str| file[name].as_array().into_iter().flatten().cloned();
+        self.views.extend(list("bufferViews").map(|view| moved(view, "byteOffset", behind)));
+        self.accessors.extend(list("accessors").map(|accessor| moved(accessor, "bufferView", views)));
+        self.materials.extend(list("materials"));
+        for mut mesh in list("meshes") {
+            for primitive in mesh["primitives"].as_array_mut()? {
+                let own = moved(primitive.take(), "indices", accessors);
+                *primitive = moved(own, "material", materials);
+                let attributes = primitive["attributes"].as_object_mut()?;
+                attributes.values_mut().for_each(|index| shift(index, accessors));
+            }
+            self.meshes.push(mesh);
+        }
+        for node in list("nodes") {
+            let mut node = moved(node, "mesh", meshes);
+            let children = node.get_mut("children").and_then(Value::as_array_mut);
+            children.into_iter().flatten().for_each(|child| shift(child, nodes));
+            self.nodes.push(node);
+        }
+        let roots: Vec<usize> =
+            file["scenes"][0]["nodes"].as_array()?.iter().filter_map(index).map(|at| nodes + at).collect();
+        self.roots.extend(&roots);
+        roots.first().copied().filter(|root| *root < self.nodes.len())
+    }
+
     /// Adds a node without parent, whose children are in axes with z up and raised by `rise`.
     pub fn node_z_up(&mut self, name: &str, children: &[usize], rise: f64) {
         self.node_z_up_with(name, children, rise, &Value::Null);
@@ -185,11 +224,32 @@ impl Gltf {
         for (name, list) in others.into_iter().filter(|(_, list)| !list.is_empty()) {
             json[name] = json!(list);
         }
+        if !self.extensions.is_null() {
+            json["extensions"] = self.extensions;
+        }
         if !extensions.is_empty() {
             json["extensionsUsed"] = json!(extensions);
         }
         write_glb(json.to_string().as_bytes(), &[binary_chunk(self.bytes)], out)
     }
+}
+
+/// The object with one of its members, if it has it, increased by a number.
+fn moved(mut object: Value, member: &str, by: usize) -> Value {
+    if let Some(member) = object.get_mut(member) {
+        shift(member, by);
+    }
+    object
+}
+
+fn shift(value: &mut Value, by: usize) {
+    if let Some(before) = index(value) {
+        *value = json!(before + by);
+    }
+}
+
+fn index(value: &Value) -> Option<usize> {
+    value.as_u64().and_then(|index| usize::try_from(index).ok())
 }
 
 fn kind(length: usize) -> &'static str {

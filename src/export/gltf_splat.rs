@@ -6,17 +6,29 @@ use serde_json::{Map, json};
 
 use super::gltf::Gltf;
 use super::placement::Placement;
-use super::{ExportError, Files, Model, asset_extras, identifier};
+use super::{ExportError, Files, Model, Splat, asset_extras, identifier};
 use crate::gaussians::SH_C0;
+use crate::vote::FieldLabel;
 
-const EXTENSION: &str = "KHR_gaussian_splatting";
+pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
 
 /// In metres if the scale is known, in scene units otherwise.
 pub(super) fn write(model: &Model, placement: &Placement, files: &mut Files) -> Result<(), ExportError> {
-    let gaussians = model.gaussians;
-    let meters = model.scale.map_or(1.0, |scale| scale.meters_per_unit);
-    let all = || 0..gaussians.len();
     let mut gltf = Gltf::default();
+    let mesh = add(&mut gltf, &model.splat());
+    let of_label =
+        |label: &FieldLabel| json!({ "part": label.id, "caption": label.caption, "material": label.material });
+    let labels: Vec<_> = model.field.labels.iter().map(of_label).collect();
+    let node = gltf.node(json!({ "name": "splat", "mesh": mesh, "extras": { "parts": labels } }));
+    let (name, extras) = (identifier(model.name), asset_extras(model, placement));
+    gltf.node_z_up(&name, &[node], placement.rise);
+    files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], &extras, out))
+}
+
+/// Adds the Gaussians as a mesh, and returns its index.
+pub(super) fn add(gltf: &mut Gltf, splat: &Splat) -> usize {
+    let Splat { gaussians, meters_per_unit: meters, field } = *splat;
+    let all = || 0..gaussians.len();
     let mut attributes = Map::new();
     let positions: Vec<[f32; 3]> = all().map(|i| (gaussians.center(i) * meters).map(|c| c as f32).into()).collect();
     attributes.insert("POSITION".to_owned(), json!(gltf.floats(&positions, true)));
@@ -27,11 +39,13 @@ pub(super) fn write(model: &Model, placement: &Placement, files: &mut Files) -> 
         all().map(|i| gaussians.rotation(i)).map(|q| [q.i, q.j, q.k, q.w].map(|v| v as f32)).collect();
     let scales: Vec<[f32; 3]> = all().map(|i| gaussians.scale(i).map(|s| (s * meters) as f32).into()).collect();
     let opacities: Vec<[f32; 1]> = all().map(|i| [gaussians.opacity(i) as f32]).collect();
-    let parts: Vec<[f32; 1]> = model.field.part_ids().map(|id| [id as f32]).collect();
     attributes.insert(format!("{EXTENSION}:ROTATION"), json!(gltf.floats(&rotations, false)));
     attributes.insert(format!("{EXTENSION}:SCALE"), json!(gltf.floats(&scales, false)));
     attributes.insert(format!("{EXTENSION}:OPACITY"), json!(gltf.floats(&opacities, false)));
-    attributes.insert("_PART".to_owned(), json!(gltf.floats(&parts, false)));
+    if let Some(field) = field {
+        let parts: Vec<[f32; 1]> = field.part_ids().map(|id| [id as f32]).collect();
+        attributes.insert("_PART".to_owned(), json!(gltf.floats(&parts, false)));
+    }
     attributes.insert(format!("{EXTENSION}:SH_DEGREE_0_COEF_0"), json!(gltf.floats(&gaussians.sh_dc, false)));
     let count = gaussians.sh_rest_per_channel();
     let mut first = 0;
@@ -53,14 +67,5 @@ pub(super) fn write(model: &Model, placement: &Placement, files: &mut Files) -> 
             "projection": "perspective",
         } },
     }] }));
-    let labels: Vec<_> = model
-        .field
-        .labels
-        .iter()
-        .map(|label| json!({ "part": label.id, "caption": label.caption, "material": label.material }))
-        .collect();
-    let node = gltf.node(json!({ "name": "splat", "mesh": 0, "extras": { "parts": labels } }));
-    let (name, extras) = (identifier(model.name), asset_extras(model, placement));
-    gltf.node_z_up(&name, &[node], placement.rise);
-    files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], &extras, out))
+    gltf.meshes.len() - 1
 }

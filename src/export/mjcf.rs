@@ -11,7 +11,6 @@ use nalgebra::Vector3;
 
 use super::{ExportError, Files, Rigid, obj, spaced};
 use crate::pictures::palette;
-use crate::scene::Plane;
 use crate::vote::FieldLabel;
 
 /// MuJoCo's default time constant of contacts, s. Stiffer parts keep it, since no time step could resolve theirs.
@@ -104,7 +103,7 @@ fn scene(rigid: &Rigid) -> String {
 }
 
 /// The light, the sky and the material of a `plane` that things stand on.
-fn look(plane: &str) -> String {
+pub(super) fn look(plane: &str) -> String {
     format!(
         r#"  <visual>
     <headlight ambient="0.35 0.35 0.35" diffuse="0.4 0.4 0.4" specular="0 0 0"/>
@@ -117,24 +116,6 @@ fn look(plane: &str) -> String {
     <material name="{plane}" texture="{plane}" texuniform="true" texrepeat="10 10" reflectance="0.05"/>
   </asset>
 "#
-    )
-}
-
-/// Objects on the surface on which they stand, which is static; each is in a file of its own beside this one.
-pub(super) fn table(name: &str, bodies: &[String], surface: &Plane) -> String {
-    let include = |body: &String| format!("  <include file=\"{body}.xml\"/>\n");
-    format!(
-        r#"<mujoco model="{name}">
-{includes}{look}  <worldbody>
-    <light pos="0 0 3" dir="-0.3 0.3 -0.9" directional="true" diffuse="0.5 0.5 0.5" castshadow="true"/>
-    <geom name="support" type="plane" size="0 0 0.05" pos="{at}" zaxis="{normal}" material="support"/>
-  </worldbody>
-</mujoco>
-"#,
-        includes = bodies.iter().map(include).collect::<String>(),
-        at = spaced((surface.normal * surface.offset).iter().copied()),
-        normal = spaced(surface.normal.iter().copied()),
-        look = look("support"),
     )
 }
 

@@ -8,6 +8,8 @@
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks;
 //! - [`mod@asset`]: the mesh from which the scene was made, once more, with its physics, and tables of its faces and vertices.
 //!
+//! [`table`] composes the files of several objects of a capture into one scene.
+//!
 //! Everything rigid is in metres, in the world's frame, z up; the asset of a scene that was turned for that stands on z = 0, and
 //! every file says how it lies in the scene's own ([`placement`]). Gaussians that were set aside are left out.
 
@@ -23,6 +25,7 @@ mod physgaussian;
 mod placement;
 mod ply_parts;
 mod shape;
+mod table;
 mod urdf;
 mod usd;
 
@@ -41,12 +44,14 @@ use crate::gaussians::bounds::robust_bounds;
 use crate::grasp::candidates::Candidate;
 use crate::parts::samples::Sample;
 use crate::parts::{Interior, Parts, PartsError};
-use crate::scene::{Plane, SupportSurface};
+use crate::scene::SupportSurface;
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 pub use asset::{Asset, Colliders, below};
 use placement::{Axes, Placement};
 use shape::{Collider, PartMesh, Shape, Skin};
+use table::BodyCollider;
+pub use table::{Body, Table, compose};
 
 /// A format to write.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -82,6 +87,11 @@ impl Format {
     /// Whether its files name places to grasp at.
     pub fn has_grasps(self) -> bool {
         matches!(self, Self::Usda | Self::Usdz)
+    }
+
+    /// Whether the scene of several objects in this format has them as [bodies](Body).
+    pub fn has_bodies(self) -> bool {
+        matches!(self, Self::Mjcf | Self::Urdf | Self::Usda | Self::Usdz | Self::Glb)
     }
 
     /// Whether only a scene that was made of a mesh has it.
@@ -129,6 +139,21 @@ impl Model<'_> {
     fn note_on_scale(&self) -> Option<&'static str> {
         self.scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|_| ESTIMATED_SCALE)
     }
+
+    fn splat(&self) -> Splat<'_> {
+        let meters_per_unit = self.scale.map_or(1.0, |scale| scale.meters_per_unit);
+        Splat { gaussians: self.gaussians, meters_per_unit, field: Some(self.field) }
+    }
+}
+
+/// Gaussians to draw.
+#[derive(Debug, Clone, Copy)]
+struct Splat<'a> {
+    gaussians: &'a Gaussians,
+    /// 1 if the scale is unknown.
+    meters_per_unit: f64,
+    /// The parts that they belong to; `None` if they were not divided into any.
+    field: Option<&'a MaterialField>,
 }
 
 /// An error of the export.
@@ -172,6 +197,23 @@ pub enum ExportError {
 /// If a format needs the scale, a mass or a closed surface and there is none; if a file would replace the splat or a
 /// camera file of the scene, or cannot be written.
 pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
+    export_body(model, formats, folder).map(|exported| exported.files)
+}
+
+/// An object that was exported.
+#[derive(Debug)]
+pub struct Exported {
+    /// The main one of each format first.
+    pub files: Vec<PathBuf>,
+    /// For a scene of several objects, if a format [has bodies](Format::has_bodies) and the object is rigid.
+    pub body: Option<Body>,
+}
+
+/// As [`export`]; also returns what [`compose`] needs to know of the object.
+///
+/// # Errors
+/// As [`export`].
+pub fn export_body(model: &Model, formats: &[Format], folder: &Path) -> Result<Exported, ExportError> {
     let own = without_set_aside(model);
     let model = &match &own {
         Some(own) => Model { gaussians: &own.gaussians, as_read: &own.as_read, field: &own.field, ..*model },
@@ -212,31 +254,8 @@ pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<Pa
             Format::Csv => asset::write_tables(&model.asset.ok_or(ExportError::NotAMesh)?, model, &mut files)?,
         }
     }
-    Ok(files.written)
-}
-
-/// Several objects that were exported into one folder as MJCF, on the surface on which they stand.
-#[derive(Debug, Clone, Copy)]
-pub struct Table<'a> {
-    /// Of the capture.
-    pub name: &'a str,
-    /// The [names](Model::name) of the objects.
-    pub objects: &'a [String],
-    /// The surface, in metres: in the world's frame if the objects were not turned; those that were stand on z = 0.
-    pub surface: Plane,
-}
-
-/// Writes `scene.xml` into `folder`, in place of that of a single object: every object free, at its place, and the surface as a
-/// static plane. Returns its path.
-///
-/// # Errors
-/// If it cannot be written.
-pub fn compose_mjcf(table: &Table, folder: &Path) -> Result<PathBuf, ExportError> {
-    let bodies: Vec<String> = table.objects.iter().map(|name| body_name(name)).collect();
-    let text = mjcf::table(&body_name(table.name), &bodies, &table.surface);
-    let mut files = Files { folder, inputs: Vec::new(), written: Vec::new() };
-    files.write("scene.xml", |out| out.write_all(text.as_bytes()))?;
-    Ok(folder.join("scene.xml"))
+    let body = formats.iter().any(|format| format.has_bodies()).then(|| shared.body()).transpose()?.flatten();
+    Ok(Exported { files: files.written, body })
 }
 
 /// The Gaussians and their field, without the Gaussians that were set aside.
@@ -299,6 +318,21 @@ impl Shared<'_> {
     fn parts(&self) -> Result<&Parts, ExportError> {
         let Some(parts) = self.model.parts else { return Err(PartsError::ScaleUnknown.into()) };
         if parts.object.mass_kg.mid > 0.0 { Ok(parts) } else { Err(ExportError::NoMass) }
+    }
+
+    /// `None` if the object has no mass or no collider.
+    fn body(&self) -> Result<Option<Body>, ExportError> {
+        let (Ok(parts), shape) = (self.parts(), self.shape()?) else { return Ok(None) };
+        let object = &parts.object;
+        let labels = &self.model.field.labels;
+        Ok((!shape.colliders.is_empty()).then(|| Body {
+            name: body_name(self.model.name),
+            rise_m: self.placement().rise,
+            mass_kg: object.mass_kg.mid,
+            center_m: object.center_of_mass_m,
+            inertia_kg_m2: object.inertia_kg_m2,
+            colliders: shape.colliders.iter().map(|collider| BodyCollider::of(collider, labels)).collect(),
+        }))
     }
 
     fn rigid(&self) -> Result<Rigid<'_>, ExportError> {

@@ -1,11 +1,11 @@
 //! The parts in the formats of other programs.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use tracing::warn;
 
 use crate::error::Result;
-use crate::export::{self, Asset, Colliders, Format, Model};
+use crate::export::{self, Asset, Colliders, Exported, Format, Model};
 use crate::grasp::GraspError;
 use crate::grasp::candidates::Candidate;
 use crate::units::MetricScale;
@@ -27,8 +27,8 @@ pub struct ExportOptions<'a> {
     pub samples: usize,
 }
 
-/// Writes the object into `folder` once the parts are done, and returns the paths of the files.
-pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Vec<PathBuf>> {
+/// Writes the object into `folder` once the parts are done.
+pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Exported> {
     let ExportOptions { formats, colliders, samples } = *options;
     let has_grasps = formats.iter().any(|format| format.has_grasps());
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
@@ -60,7 +60,7 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
     if let (true, Some(asset), Some(scale)) = (formats.contains(&Format::Asset), model.asset, model.scale) {
         warn_of_unit(&asset, scale);
     }
-    Ok(export::export(&model, formats, folder)?)
+    Ok(export::export_body(&model, formats, folder)?)
 }
 
 /// Where to grasp the object, best first. An object that cannot be grasped can still be exported.

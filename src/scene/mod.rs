@@ -250,6 +250,9 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     })
 }
 
+/// In the place of the number of an object.
+const NO_OBJECT: u32 = 0;
+
 /// The things that stand on the surface that a capture shows.
 #[derive(Debug, Clone)]
 pub struct StandingObjects {
@@ -340,8 +343,22 @@ impl StandingObjects {
         ellipsoid_bounds(&self.kept(self.as_read.as_ref().unwrap_or(&self.gaussians).clone(), object))
     }
 
-    fn kept(&self, mut gaussians: Gaussians, object: ObjectNumber) -> Gaussians {
-        let kept: Vec<bool> = self.object_of_gaussian.iter().map(|of| *of == object.get()).collect();
+    /// The Gaussians of no object, in the world's frame.
+    pub fn surroundings(&self) -> Gaussians {
+        self.of_number(self.gaussians.clone(), NO_OBJECT)
+    }
+
+    /// The same in the input's frame, as they were read.
+    pub fn surroundings_as_read(&self) -> Gaussians {
+        self.of_number(self.as_read.as_ref().unwrap_or(&self.gaussians).clone(), NO_OBJECT)
+    }
+
+    fn kept(&self, gaussians: Gaussians, object: ObjectNumber) -> Gaussians {
+        self.of_number(gaussians, object.get())
+    }
+
+    fn of_number(&self, mut gaussians: Gaussians, number: u32) -> Gaussians {
+        let kept: Vec<bool> = self.object_of_gaussian.iter().map(|of| *of == number).collect();
         gaussians.retain(&kept);
         gaussians
     }

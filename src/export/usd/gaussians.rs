@@ -1,19 +1,20 @@
 //! The Gaussians as `UsdVol.ParticleField3DGaussianSplat` (OpenUSD 26.03 and later): positions and standard deviations
 //! in metres, unit quaternions, opacities from 0 to 1, and spherical harmonics, one colour for each coefficient of each
-//! Gaussian. Each has the number of its part as the primvar `part`; the part's properties are in the material `partN`.
+//! Gaussian. Each that belongs to a part has its number as the primvar `part`; the part's properties are in the material `partN`.
 
 use std::fmt::Write;
 
 use super::text::{extent, list, rounded, tuple};
-use crate::export::{Model, Rigid};
+use crate::export::Splat;
 use crate::gaussians::{Gaussians, SH_C0};
+use crate::vote::MaterialField;
 
 /// The standard deviations within which a Gaussian is drawn.
 const DRAWN: f64 = 3.0;
 
-pub fn write(text: &mut String, model: &Model, rigid: &Rigid) {
-    let gaussians = model.gaussians;
-    let meters = model.scale.map_or(1.0, |scale| scale.meters_per_unit);
+/// Writes them below the prim `owner`, whose materials have one for the Gaussians.
+pub fn write(text: &mut String, splat: &Splat, owner: &str) {
+    let Splat { gaussians, meters_per_unit: meters, field } = *splat;
     let all = || 0..gaussians.len();
     let position = |i: usize| gaussians.center(i) * meters;
     let reach = |i: usize| gaussians.scale(i).max() * DRAWN * meters;
@@ -30,7 +31,7 @@ pub fn write(text: &mut String, model: &Model, rigid: &Rigid) {
     )
     {{
         float3[] extent = {extent}
-        rel material:binding = </{name}/materials/splat>
+        rel material:binding = </{owner}/materials/splat>
         point3f[] positions = {positions}
         quatf[] orientations = {orientations}
         float3[] scales = {scales}
@@ -43,14 +44,10 @@ pub fn write(text: &mut String, model: &Model, rigid: &Rigid) {
         color3f[] primvars:displayColor = {colors} (
             interpolation = "vertex"
         )
-        int[] primvars:part = {parts} (
-            interpolation = "vertex"
-        )
-    }}
+{parts}    }}
 
 "#,
         extent = extent(corners),
-        name = rigid.name,
         positions = list(all().map(|i| tuple(position(i).iter().copied(), 6))),
         orientations = list(all().map(orientation)),
         scales = list(all().map(|i| tuple(gaussians.scale(i).iter().map(|s| (s * meters).max(1e-7)), 7))),
@@ -59,8 +56,14 @@ pub fn write(text: &mut String, model: &Model, rigid: &Rigid) {
         coefficients = gaussians.sh_rest_per_channel() + 1,
         harmonics = list(all().flat_map(|i| harmonics(gaussians, i))),
         colors = list(all().map(|i| tuple(color(i), 3))),
-        parts = list(model.field.part_ids().map(|id| id.to_string())),
+        parts = field.map_or_else(String::new, parts),
     );
+}
+
+/// The part of each Gaussian.
+fn parts(field: &MaterialField) -> String {
+    let ids = list(field.part_ids().map(|id| id.to_string()));
+    format!("        int[] primvars:part = {ids} (\n            interpolation = \"vertex\"\n        )\n")
 }
 
 /// The coefficients of a Gaussian, the constant one first, each as a colour.

@@ -9,12 +9,12 @@
 //!
 //! The variant set `appearance` chooses whether `skin` or `splat` is visible. Metres, kilograms, z up.
 
-mod gaussians;
+pub(super) mod gaussians;
 mod grasps;
 mod meshes;
-mod package;
-mod physics;
-mod text;
+pub(super) mod package;
+pub(super) mod physics;
+pub(super) mod text;
 mod thumbnail;
 
 use std::fmt::Write;
@@ -114,7 +114,7 @@ def Xform "{name}" (
     physics::write_materials(&mut text, rigid);
     meshes::write_skin(&mut text, rigid);
     meshes::write_colliders(&mut text, rigid);
-    gaussians::write(&mut text, model, rigid);
+    gaussians::write(&mut text, &model.splat(), &rigid.name);
     grasps::write(&mut text, rigid);
     text.push_str("}\n");
     text

@@ -90,7 +90,8 @@ fn write_part_material(text: &mut String, name: &str, label: &FieldLabel) {
     );
 }
 
-fn write_splat_material(text: &mut String, name: &str) {
+/// The material of the Gaussians of a prim, for its scope of materials.
+pub fn write_splat_material(text: &mut String, name: &str) {
     let _ = write!(
         text,
         r#"        # For renderers that draw the Gaussians as points.

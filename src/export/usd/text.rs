@@ -26,7 +26,13 @@ pub fn tuple(values: impl IntoIterator<Item = f64>, digits: usize) -> String {
 }
 
 pub fn list(items: impl Iterator<Item = String>) -> String {
-    format!("[{}]", items.collect::<Vec<_>>().join(", "))
+    let mut text = "[".to_owned();
+    for (n, item) in items.enumerate() {
+        text.push_str(if n > 0 { ", " } else { "" });
+        text.push_str(&item);
+    }
+    text.push(']');
+    text
 }
 
 /// The box around points.

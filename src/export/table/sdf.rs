@@ -1,0 +1,98 @@
+//! `scene.sdf`: a world of SDFormat, which Gazebo, Drake and PyBullet read, with the meshes of the objects' URDFs.
+//!
+//! Friction is written in the ways that readers understand: per collider for Gazebo and Drake, and per link, as in the
+//! [URDF](super::super::urdf), for PyBullet. PyBullet takes only a number for `static`, and wants a size for a plane without end.
+
+use std::fmt::Write;
+
+use super::super::{ExportError, Files, spaced};
+use super::{Body, BodyCollider, Table};
+use crate::units::GRAVITY_M_S2;
+
+pub fn write(table: &Table, files: &mut Files) -> Result<(), ExportError> {
+    let text = text(table);
+    files.write("scene.sdf", |out| out.write_all(text.as_bytes()))
+}
+
+fn text(table: &Table) -> String {
+    let mut text = format!(
+        r#"<?xml version="1.0"?>
+{notes}<sdf version="1.9" xmlns:drake="http://drake.mit.edu">
+  <world name="{name}">
+    <gravity>0 0 -{GRAVITY_M_S2}</gravity>
+    <light name="sun" type="directional"><cast_shadows>true</cast_shadows><direction>-0.3 0.3 -0.9</direction></light>
+"#,
+        notes = notes(table),
+        name = table.name(),
+    );
+    write_support(&mut text, table);
+    table.bodies.iter().for_each(|body| write_body(&mut text, body));
+    text.push_str("  </world>\n</sdf>\n");
+    text
+}
+
+fn notes(table: &Table) -> String {
+    let placement = table.placement().comment();
+    let notes = table.note_on_scale().into_iter().chain([placement.as_str()]);
+    notes.map(|note| format!("<!-- {note} -->\n")).collect()
+}
+
+fn write_support(text: &mut String, table: &Table) {
+    let (surface, square) = (table.surface(), table.drawn_support());
+    let plane = format!(
+        "<geometry><plane><normal>{}</normal><size>{side} {side}</size></plane></geometry>",
+        spaced(surface.normal.iter().copied()),
+        side = square.side,
+    );
+    let _ = write!(
+        text,
+        r#"    <model name="support">
+      <static>1</static>
+      <pose>{at} 0 0 0</pose>
+      <link name="support">
+        <collision name="support">{plane}</collision>
+        <visual name="support">{plane}</visual>
+      </link>
+    </model>
+"#,
+        at = spaced(square.center.iter().copied()),
+    );
+}
+
+fn write_body(text: &mut String, body: &Body) {
+    let Body { name, rise_m, mass_kg, center_m, inertia_kg_m2: i, colliders } = body;
+    let least = colliders.iter().map(|collider| collider.friction).fold(f64::INFINITY, f64::min);
+    let _ = write!(
+        text,
+        r#"    <model name="{name}">
+      <pose>0 0 {rise_m} 0 0 0</pose>
+      <link name="{name}">
+        <contact><lateral_friction>{least}</lateral_friction></contact>
+        <inertial>
+          <pose>{center} 0 0 0</pose>
+          <mass>{mass_kg}</mass>
+          <inertia><ixx>{}</ixx><ixy>{}</ixy><ixz>{}</ixz><iyy>{}</iyy><iyz>{}</iyz><izz>{}</izz></inertia>
+        </inertial>
+        <visual name="skin"><geometry><mesh><uri>meshes/{name}_skin.obj</uri></mesh></geometry></visual>
+"#,
+        i[0][0],
+        i[0][1],
+        i[0][2],
+        i[1][1],
+        i[1][2],
+        i[2][2],
+        center = spaced(*center_m),
+    );
+    for BodyCollider { shape, friction } in colliders {
+        let collider = shape.name();
+        let _ = write!(
+            text,
+            r#"        <collision name="{collider}">
+          <geometry><mesh><uri>meshes/{name}_{collider}.obj</uri><drake:declare_convex/></mesh></geometry>
+          <surface><friction><ode><mu>{friction}</mu><mu2>{friction}</mu2></ode></friction></surface>
+        </collision>
+"#
+        );
+    }
+    text.push_str("      </link>\n    </model>\n");
+}
