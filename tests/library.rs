@@ -247,7 +247,7 @@ const OUTSIDE: &[(&str, Spoil)] = &[
     ("--wall-m", |o| o.parts.wall_m = f64::NAN),
     ("--min-body-share", |o| o.parts.min_body_share = 1.0),
     ("--min-part-share", |o| o.parts.min_part_share = f64::NAN),
-    ("--known-mass", |o| o.parts.known_mass = Some(f64::NAN)),
+    ("--known-mass", |o| o.parts.known_mass = Some(f64::NAN.into())),
     ("--known-mass-error", |o| o.parts.known_mass_error = Some(0.0)),
     ("--drop-height", |o| o.simulate.drop_height = -1.0),
     ("--tilt-deg", |o| o.simulate.tilt_deg = f64::INFINITY),
@@ -311,7 +311,7 @@ fn a_known_mass_counts_everywhere() {
     options.scene.scale = "0.3".parse().unwrap();
     let open = |options: &Options| Pipeline::builder(balls.scene(0)).options(options.clone()).open().unwrap();
     let expected = open(&options).parts().unwrap().object.mass_kg.mid;
-    options.parts.known_mass = Some(1.2 * expected);
+    options.parts.known_mass = Some((1.2 * expected).into());
     let mut pipeline = open(&options);
     let parts = pipeline.parts().unwrap();
     let simulated = pipeline.simulation().unwrap().mass_kg;

@@ -1,5 +1,6 @@
 //! `gprop objects`, and runs of captures that show several objects: one object after the other, each as a scene of its own.
 
+use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
@@ -8,8 +9,9 @@ use crate::error::{Context, Error, ErrorKind, Result, UsageError};
 use crate::exit;
 use crate::export::{Body, ExportError, Format, Table, compose};
 use crate::objects::{self, Objects, SomeFailed};
+use crate::parts::MassReading;
 use crate::pipeline::{Options, Stage, work_folder_of};
-use crate::scene::{ObjectChoice, ObjectNumber, Plane, StandingObjects};
+use crate::scene::{ObjectChoice, ObjectNumber, Plane, ScaleChoice, SceneError, StandingObjects};
 use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
 
@@ -77,15 +79,30 @@ pub fn run_one(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Res
 }
 
 /// What is true of one object is not taken for true of all.
-fn refuse_options_of_one_object(options: &Options) -> Result<(), UsageError> {
-    let problem = if options.parts.known_mass.is_some() {
-        "--known-mass is the mass of one object; say of which with --object N"
-    } else if !options.vote.correct.is_empty() {
-        "corrections (--correct, or [part.NAME] in gprop.toml) are about the parts of one object; say of which with --object N"
-    } else {
-        return Ok(());
-    };
-    Err(UsageError(problem.to_owned()))
+fn refuse_options_of_one_object(options: &Options, count: usize) -> Result<()> {
+    match options.parts.known_mass {
+        Some(MassReading { object: None, kg }) => Err(UsageError(format!(
+            "--known-mass is the mass of one object; say of which, such as --known-mass 2={kg}"
+        ))
+        .into()),
+        Some(MassReading { object: Some(given), .. }) if given.get() as usize > count => {
+            Err(SceneError::NoSuchObject { given, count }.into())
+        }
+        _ if !options.vote.correct.is_empty() => Err(UsageError(
+            "corrections (--correct, or [part.NAME] in gprop.toml) are about the parts of one object; say of which with --object N"
+                .to_owned(),
+        )
+        .into()),
+        _ => Ok(()),
+    }
+}
+
+/// The numbers of `count` objects; that from whose weight the scale of the others follows comes first.
+fn in_order(options: &Options, count: usize) -> Vec<ObjectNumber> {
+    let mut numbers: Vec<ObjectNumber> = ObjectNumber::first(count).collect();
+    let weighed = options.parts.known_mass.and_then(|reading| reading.object);
+    numbers.sort_by_key(|number| Some(*number) != weighed);
+    numbers
 }
 
 /// Runs every object, and writes the list and the page of the capture after each.
@@ -94,8 +111,8 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
         scene::check_without_simulation(run.to)?;
     }
     found.require_any()?;
-    refuse_options_of_one_object(&work.options)?;
-    let numbers: Vec<ObjectNumber> = ObjectNumber::first(found.count).collect();
+    refuse_options_of_one_object(&work.options, found.count)?;
+    let numbers = in_order(&work.options, found.count);
     global.progress().line(&format!(
         "{} on the surface; each is run by itself (--object N runs one, `gprop objects` shows them)",
         counted(found.count, "object")
@@ -117,19 +134,25 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
     let mut objects = Objects::look(found, &of_capture, global.progress())?;
     objects.write(&of_capture)?;
     let mut errors: Vec<Option<String>> = vec![None; numbers.len()];
-    for (index, &number) in numbers.iter().enumerate() {
-        let Each { global: own, work } = each(number);
-        own.progress().line(&number.to_string());
-        if let Err(error) = run_object(&own, folder, &work, run) {
-            if ends_all(&error) {
-                return Err(error);
+    for pass in passes(work, run) {
+        for &number in &numbers {
+            let index = number.get() as usize - 1;
+            if errors[index].is_some() {
+                continue;
             }
-            let text = exit::message(&error);
-            tracing::warn!("{number}: {text}");
-            errors[index] = Some(text);
+            let Each { global: own, work } = each(number);
+            own.progress().line(&number.to_string());
+            if let Err(error) = run_object(&own, folder, &WorkArgs { from: pass.from, ..work }, pass.run) {
+                if ends_all(&error) {
+                    return Err(error);
+                }
+                let text = exit::message(&error);
+                tracing::warn!("{number}: {text}");
+                errors[index] = Some(text);
+            }
+            objects.read_results(&root, &errors);
+            objects.write(&of_capture)?;
         }
-        objects.read_results(&root, &errors);
-        objects.write(&of_capture)?;
     }
     let page = shown(&root.join(Artifact::ObjectsPage.path()));
     if run.for_python.is_some() {
@@ -137,13 +160,26 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
     } else {
         print(global, &objects, || objects.text() + &page)?;
     }
-    let failed: Vec<String> = numbers
-        .iter()
-        .zip(&errors)
-        .filter(|(_, error)| error.is_some())
-        .map(|(number, _)| number.to_string())
-        .collect();
+    let results = ObjectNumber::first(found.count).zip(&errors);
+    let failed: Vec<String> =
+        results.filter(|(_, error)| error.is_some()).map(|(number, _)| number.to_string()).collect();
     if failed.is_empty() { Ok(()) } else { Err(SomeFailed { count: numbers.len(), failed }.into()) }
+}
+
+/// Stages that are done for every object before those of the next pass.
+struct Pass {
+    run: Run,
+    from: Option<Stage>,
+}
+
+/// Once, or twice if the scale follows from what a model judges of the sizes of all objects: first, all are asked about.
+fn passes(work: &WorkArgs, run: Run) -> Vec<Pass> {
+    let asks = work.options.scene.scale == ScaleChoice::Estimate && run.to > Stage::Query;
+    if !asks || work.from.is_some_and(|from| from > Stage::Query) {
+        return vec![Pass { run, from: work.from }];
+    }
+    let asking = Pass { run: Run { to: Stage::Query, simulates: true }, from: work.from };
+    vec![asking, Pass { run, from: work.from.map(|_| Stage::Vote) }]
 }
 
 /// The command as it is for one object.
@@ -191,14 +227,16 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     let formats = scene::formats(args)?;
     let found = StandingObjects::find(&args.scene, &args.options.scene)?;
     found.require_any()?;
-    refuse_options_of_one_object(&args.options)?;
-    let mut objects = Vec::new();
-    for number in ObjectNumber::first(found.count) {
+    refuse_options_of_one_object(&args.options, found.count)?;
+    let mut objects = BTreeMap::new();
+    for number in in_order(&args.options, found.count) {
         let mut options = args.options.clone();
         options.scene.object = ObjectChoice::One(number);
         let own = for_object(global, number);
-        objects.push(scene::export_one(&own, args, &options).with_context(|| number.to_string())?);
+        let exported = scene::export_one(&own, args, &options).with_context(|| number.to_string())?;
+        objects.insert(number, exported);
     }
+    let mut objects: Vec<Exported> = objects.into_values().collect();
     let composed = compose_all(&found, &mut objects, formats, &args.out)?;
     let mut files = composed.clone();
     // Those that took the place of a file of a single object are listed once.

@@ -41,6 +41,7 @@ use crate::words::progress::Progress;
 use crate::words::readable::significant;
 use assign::Labelled;
 use belief::Believed;
+pub use belief::spread::together as belief_together;
 pub use belief::{Possibilities, Possible};
 pub(crate) use clean::without_floaters;
 use compose::of_mesh::OfMesh;
@@ -60,7 +61,7 @@ pub use mass::unknowns::Source;
 use mass::unknowns::Unknowns;
 use mass::weights::{self, Weight, Weights};
 use mass::{Body, Weighable};
-pub use options::{BodiesAs, Options, SCENE_KEYS, VolumeMethod};
+pub use options::{BodiesAs, MassReading, Options, SCENE_KEYS, VolumeMethod};
 pub use result::{
     AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, Filling, KnownMass, NoVolume, Object,
     ObjectBelief, Part, PartBody, Parts, Width,
@@ -316,7 +317,7 @@ fn weigh(
     let connected = Bodies::of(&built.composed.interior, built.constructions.len());
     let mut bodies = bodies(&built.composed, &connected, &built.shapes, gaussians, &field.part_label);
     let mut weights = Weights::new(&built.weighables(&bodies), scaled);
-    let known_mass = meters_per_unit.and(options.known_mass).map(|kg| known_mass(&mut weights, kg, options));
+    let known_mass = meters_per_unit.and(options.reading_kg()).map(|kg| known_mass(&mut weights, kg, options));
     if let Some(of) = believed.as_ref().filter(|_| known_mass.is_none()) {
         weights.believe(of.together_kg(), of.printed_kg);
     }
@@ -364,7 +365,7 @@ fn scale_of(
     if let Some(MetricScale { meters_per_unit, range, .. }) = scale {
         return (Some(*meters_per_unit), weights::Scale { meters_per_unit: *meters_per_unit, range: *range });
     }
-    let of_mass = options.known_mass.and_then(|kg| {
+    let of_mass = options.reading_kg().and_then(|kg| {
         let build = |meters| found.constructions(&field.labels, Some(meters), options);
         scale::meters_per_unit(kg, &found.cells, &found.chords, &found.evidence, &field.labels, build)
     });
@@ -398,7 +399,7 @@ fn believed(
         weights: &weights,
         labels: &labels,
         label_of: &label_of,
-        reading_kg: options.known_mass,
+        reading_kg: options.reading_kg(),
     };
     (belief::believe(&evidence, &mut unknowns), ways)
 }

@@ -1,10 +1,14 @@
 //! Options of the parts stage: parts and volumes.
 
+use std::fmt;
+use std::str::FromStr;
+
 use clap::Args;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use crate::config::SceneKey;
 use crate::config::option_values::{self, Domain, OptionError, above, below, from_to, with_unit};
+use crate::scene::ObjectNumber;
 use crate::units::Estimate;
 
 /// About 130 cells along each side of a box-shaped object: under a millimetre on a hammer.
@@ -103,9 +107,9 @@ pub struct Options {
     #[arg(long, value_enum, value_name = "AS", default_value_t)]
     pub bodies: BodiesAs,
     /// Weight of the whole object, as a kitchen scale shows it: `660g`, `0.66kg`, or a number in kg; narrows the masses of
-    /// all parts, and gives the scale if nothing else does
-    #[arg(long, value_name = "MASS", value_parser = mass_kg)]
-    pub known_mass: Option<f64>,
+    /// all parts, and gives the scale if nothing else does. Of several objects, `2=660g` is the weight of object_2
+    #[arg(long, value_name = "[OBJECT=]MASS")]
+    pub known_mass: Option<MassReading>,
     /// Error of that weight, such as `5g`: with a probability of 90 %, the true weight differs by no more [default: a
     /// hundredth of the weight]
     #[arg(long, value_name = "MASS", requires = "known_mass", value_parser = mass_kg)]
@@ -134,7 +138,53 @@ fn mass_kg(text: &str) -> Result<f64, String> {
     mass.ok_or_else(|| "give a mass from 0.000001 to 1000000 kg: a number of kg, or with kg or g after it".to_owned())
 }
 
+/// `--known-mass`: what a kitchen scale shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MassReading {
+    /// Which of several objects was weighed; `None` if there is one.
+    pub object: Option<ObjectNumber>,
+    pub kg: f64,
+}
+
+impl From<f64> for MassReading {
+    /// A reading in kg of the only object.
+    fn from(kg: f64) -> Self {
+        Self { object: None, kg }
+    }
+}
+
+impl FromStr for MassReading {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let Some((object, mass)) = text.split_once('=') else { return Ok(mass_kg(text)?.into()) };
+        let object = object.trim().parse().map_err(|number: String| format!("what stands before = is not {number}"))?;
+        Ok(Self { object: Some(object), kg: mass_kg(mass)? })
+    }
+}
+
+impl fmt::Display for MassReading {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self.object {
+            Some(object) => write!(f, "{object}={}", self.kg),
+            None => write!(f, "{}", self.kg),
+        }
+    }
+}
+
+/// Serialized in the form that users type.
+impl Serialize for MassReading {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
 impl Options {
+    /// The reading of a kitchen scale, kg.
+    pub(super) fn reading_kg(&self) -> Option<f64> {
+        self.known_mass.map(|reading| reading.kg)
+    }
+
     /// The thickness of a sheet of which no answer says it, m: of [`WALL_M`], from 1 to 5 mm.
     pub(super) fn sheet_m(&self) -> Estimate {
         Estimate::new(self.wall_m / 3.0, self.wall_m, 5.0 / 3.0 * self.wall_m)
@@ -151,7 +201,7 @@ impl Options {
         LENGTH_M.check("--wall-m", self.wall_m)?;
         SHARE.check("--min-body-share", self.min_body_share)?;
         SHARE.check("--min-part-share", self.min_part_share)?;
-        MASS_KG.check("--known-mass", self.known_mass)?;
+        MASS_KG.check("--known-mass", self.reading_kg())?;
         MASS_KG.check("--known-mass-error", self.known_mass_error)
     }
 }

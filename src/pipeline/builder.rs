@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::run::{CommandLine, Run};
-use super::stages::{OpenScene, Stage, Tools};
+use super::stages::{OpenScene, Stage, Tools, shared_scale};
 use super::{Options, Pipeline, Plan, work_folder_of};
 use crate::error::{Error, Result};
 use crate::vote::{self, VoteError};
@@ -88,6 +88,7 @@ impl Builder {
 
 fn load(folder: &Path, out: Option<&Path>, options: Options, watcher: Watcher) -> Result<OpenScene> {
     options.check()?;
+    shared_scale::check(&options)?;
     let scene = crate::scene::load_with_progress(folder, &options.scene, Progress::Watched(&watcher, None))?;
     let tools = Tools::load(&options)?;
     vote::check_materials(&options.vote.correct, &tools.library).map_err(VoteError::from)?;

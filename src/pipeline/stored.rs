@@ -96,12 +96,19 @@ impl StoredRun {
     /// # Errors
     /// If the files are not what gprop wrote.
     pub fn found_scale(&self) -> Result<Option<MetricScale>> {
-        let known = match self.field_of_options::<crate::scene::Options>("scene")?.scale {
-            ScaleChoice::Estimate => stages::query::estimated_scale(&self.work)?,
+        let scene = self.field_of_options::<crate::scene::Options>("scene")?;
+        let known = match scene.scale {
+            ScaleChoice::Estimate => {
+                let options = Options { scene, ..Options::default() };
+                let shared = stages::shared_scale::of_object(self.work.root(), &options);
+                return Ok(shared.map_or_else(|| stages::query::estimated_scale(&self.work), |scale| Ok(Some(scale)))?);
+            }
             _ => stages::scene::stored_scale(&self.work)?,
         };
         let parts = self.work.read_json::<Parts>(Artifact::Parts).ok();
-        Ok(scale_after_weighing(known, parts.filter(|parts| parts.known_mass.is_some()).as_ref()))
+        // With no other scale, the one of the parts is that of a weight.
+        let is_weighed = |parts: &Parts| known.is_none() || parts.known_mass.is_some();
+        Ok(scale_after_weighing(known.clone(), parts.filter(is_weighed).as_ref()))
     }
 
     /// The options of the run, as far as they determine what was read. The folders outside the scene `folder` that may be

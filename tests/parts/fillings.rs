@@ -112,7 +112,7 @@ fn a_reading_of_a_scale_narrows_what_is_inside() {
     let contents = || filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
     let expected = ball(contents(), &Options::default());
     let reading = 0.8 * expected.object.mass_kg.mid;
-    let known = ball(contents(), &Options { known_mass: Some(reading), ..Options::default() });
+    let known = ball(contents(), &Options { known_mass: Some(reading.into()), ..Options::default() });
     let told = known.known_mass.as_ref().unwrap();
     assert!(told.is_possible && told.expected_kg == expected.object.mass_kg);
     close(known.object.mass_kg.mid, reading, 0.01);
@@ -130,7 +130,7 @@ fn a_reading_that_nothing_explains_is_said_and_changes_nothing() {
     let contents = || filling(1000.0, Estimate::exactly(1.0));
     let expected = ball(contents(), &Options::default());
     for (reading, words) in [(1e5, "denser than solid steel"), (1.0, "the nearest is")] {
-        let known = ball(contents(), &Options { known_mass: Some(reading), ..Options::default() });
+        let known = ball(contents(), &Options { known_mass: Some(reading.into()), ..Options::default() });
         assert_eq!(known.object, expected.object);
         assert!(!known.known_mass.as_ref().unwrap().is_possible);
         let said = known.warnings.iter().any(|warning| warning.to_lowercase().contains(words));
@@ -146,7 +146,7 @@ fn a_scale_follows_from_the_mass() {
     for form in [Form::Solid, wall] {
         let field = cloud.field(&[form]);
         let known = measured(&gaussians, &field, Some(&SCALE), &Options::default());
-        let options = Options { known_mass: Some(known.object.mass_kg.mid), ..Options::default() };
+        let options = Options { known_mass: Some(known.object.mass_kg.mid.into()), ..Options::default() };
         let found = measured(&gaussians, &field, None, &options);
         let scale = found.meters_per_unit.unwrap();
         // Trials end within 1e-4 of the scale.
@@ -170,7 +170,7 @@ fn a_weighing_corrects_an_uncertain_scale_everywhere() {
     let exact = measured(&gaussians, &field, Some(&exact), &Options::default());
     let range = Range::new(0.7 * SCALE.meters_per_unit, 1.5 * SCALE.meters_per_unit);
     let uncertain = MetricScale { range: Some(range), ..SCALE };
-    let options = Options { known_mass: Some(exact.object.mass_kg.mid), ..Options::default() };
+    let options = Options { known_mass: Some(exact.object.mass_kg.mid.into()), ..Options::default() };
     let weighed = measured(&gaussians, &field, Some(&uncertain), &options);
     // Part of the difference is put down to the density and the surface, which are also uncertain.
     let scale = weighed.meters_per_unit.unwrap().mid / SCALE.meters_per_unit;
@@ -192,9 +192,9 @@ fn a_heavy_reading_overfills_no_hollow() {
     let contents = filling(1000.0, Estimate::new(0.3, 0.5, 0.8));
     let expected = ball(contents.clone(), &Options::default());
     let full = ball(filling(1000.0, Estimate::exactly(1.0)), &Options::default()).fillings[0].volume_m3.mid;
-    let refused = ball(contents.clone(), &Options { known_mass: Some(1e6), ..Options::default() });
+    let refused = ball(contents.clone(), &Options { known_mass: Some(1e6.into()), ..Options::default() });
     let reading = 0.5 * (expected.object.mass_kg.mid + refused.known_mass.unwrap().possible_kg.high);
-    let weighed = ball(contents, &Options { known_mass: Some(reading), ..Options::default() });
+    let weighed = ball(contents, &Options { known_mass: Some(reading.into()), ..Options::default() });
     assert!(weighed.known_mass.unwrap().is_possible);
     close(weighed.object.mass_kg.mid, reading, 0.01);
     let filling = &weighed.fillings[0];
@@ -207,7 +207,7 @@ fn a_heavy_reading_overfills_no_hollow() {
 fn after_a_weighing_no_single_source_is_wider_than_all() {
     let contents = filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
     let reading = ball(contents.clone(), &Options::default()).object.mass_kg.mid;
-    let weighed = ball(contents, &Options { known_mass: Some(reading), ..Options::default() });
+    let weighed = ball(contents, &Options { known_mass: Some(reading.into()), ..Options::default() });
     let whole = weighed.object.mass_kg;
     for width in &weighed.object.width {
         assert!(

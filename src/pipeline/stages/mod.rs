@@ -17,6 +17,7 @@ mod recognized;
 pub mod report;
 pub mod scene;
 pub mod segment;
+pub mod shared_scale;
 pub mod simulate;
 pub mod subjects;
 pub mod vote;

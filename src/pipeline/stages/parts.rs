@@ -16,7 +16,7 @@ use crate::units::{Estimate, MetricScale, Range};
 use crate::workdir::Artifact;
 
 use super::recognized::Recognized;
-use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
+use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query, shared_scale};
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::vote::{FieldLabel, MaterialField};
 
@@ -56,7 +56,10 @@ pub(super) const ROW: Row = Row {
 };
 
 fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
-    let mut hasher = inputs.with_json(&open.options.parts);
+    let mut hasher = inputs.with_json(&own_options(open));
+    if let Some(scale) = shared_scale::required(open)? {
+        hasher = hasher.with_json(&scale);
+    }
     let views = &open.scene.views;
     for view in parts::carving_views(views.len(), &open.options.parts).map(|view| &views[view]) {
         for path in view.mask.iter().map(|mask| &mask.path).chain([&view.image]) {
@@ -67,6 +70,11 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
         }
     }
     Ok(hasher.with(&Interior::VERSION.to_le_bytes()).hex())
+}
+
+/// The options, of which a weight is that of this object.
+fn own_options(open: &OpenScene) -> Options {
+    Options { known_mass: shared_scale::own_reading(&open.options), ..open.options.parts.clone() }
 }
 
 fn run(open: &OpenScene, _: &Job) -> Result<Done> {
@@ -86,7 +94,7 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
 }
 
 fn measured(open: &OpenScene, scale: Option<&MetricScale>) -> Result<PartsResult> {
-    let (gaussians, options) = (&open.scene.gaussians, &open.options.parts);
+    let (gaussians, options) = (&open.scene.gaussians, &own_options(open));
     let field = open.get::<MaterialField>()?;
     let possible = possibilities(open, &field)?;
     let known = Known { scale, possible: possible.as_ref() };
@@ -129,7 +137,7 @@ impl Stored for Interior {
 /// The metric scale: the scene's, or the one that follows from the mass of the object, which also corrects a scale of
 /// the scene that is not exact.
 pub fn scale(open: &OpenScene) -> Result<Option<MetricScale>> {
-    let parts = match open.options.parts.known_mass {
+    let parts = match shared_scale::own_reading(&open.options) {
         Some(_) => metric_parts(open)?,
         None => None,
     };
@@ -163,7 +171,7 @@ pub fn samples_of(open: &OpenScene, count: usize) -> Result<Option<Vec<Sample>>>
 
 /// The parts in metres and kilograms; `None` if the scale is unknown.
 pub fn metric_parts(open: &OpenScene) -> Result<Option<Arc<Parts>>> {
-    if query::scale(open)?.is_none() && open.options.parts.known_mass.is_none() {
+    if query::scale(open)?.is_none() && shared_scale::own_reading(&open.options).is_none() {
         return Ok(None);
     }
     Ok(Some(open.get()?))

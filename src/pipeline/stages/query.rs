@@ -21,12 +21,12 @@ use crate::units::{MetricScale, Range};
 use crate::words::output::{agreeing, counted};
 use crate::words::part_name::part_name;
 use crate::words::readable::significant;
-use crate::workdir::{Artifact, WorkDir, WorkDirError};
+use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
 use super::recognized::Recognized;
 use super::scene;
 use super::subjects::FoundSubjects;
-use super::{Done, Job, OpenScene, Row, Stage, Stored};
+use super::{Done, Job, OpenScene, Row, Stage, Stored, shared_scale};
 use crate::pictures::framing;
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::pipeline::query_session::{
@@ -300,8 +300,12 @@ fn asks_anew(open: &OpenScene) -> bool {
     }
 }
 
-/// The metric scale: the one that follows from the size that the model estimated, or else the scene's.
+/// The metric scale: the one that follows from other objects of the capture or from the size that the model estimated, or else the
+/// scene's.
 pub(super) fn scale(open: &OpenScene) -> Result<Option<MetricScale>, WorkDirError> {
+    if let Some(shared) = shared_scale::of(open) {
+        return Ok(Some(shared));
+    }
     match open.options.scene.scale {
         ScaleChoice::Estimate => estimated_scale(&open.work),
         _ => scene::scale(open),
@@ -311,6 +315,11 @@ pub(super) fn scale(open: &OpenScene) -> Result<Option<MetricScale>, WorkDirErro
 /// The scale in `size.json`; `None` if the model did not say how long the object is.
 pub fn estimated_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError> {
     Ok(work.read_json::<SizeFile>(Artifact::Size)?.scale)
+}
+
+/// The same of any work folder; also `None` if it has none.
+pub(super) fn estimate_in(work: &Path) -> Option<MetricScale> {
+    workdir::read_json::<SizeFile>(&work.join(Artifact::Size.path())).ok()?.scale
 }
 
 fn read_answers(work: &WorkDir) -> Result<Answers> {

@@ -20,7 +20,7 @@ use crate::words::part_name::part_name;
 use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::subjects::FoundSubjects;
-use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query};
+use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query, shared_scale};
 use crate::pictures::png;
 
 pub(super) const ROW: Row = Row {
@@ -28,7 +28,11 @@ pub(super) const ROW: Row = Row {
     options: &["vote"],
     result: Artifact::Field,
     key: |open, inputs| {
-        let hasher = inputs.with_json(&open.library.materials()).with_json(&open.library.fillings());
+        let mut hasher = inputs.with_json(&open.library.materials()).with_json(&open.library.fillings());
+        // The figure has a scale bar.
+        if let Some(scale) = shared_scale::of(open) {
+            hasher = hasher.with_json(&scale);
+        }
         Ok(hasher.with_json(&open.options.vote).hex())
     },
     is_stale: never,

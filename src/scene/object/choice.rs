@@ -49,21 +49,28 @@ impl fmt::Display for ObjectNumber {
     }
 }
 
+impl FromStr for ObjectNumber {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let number = text.strip_prefix(PREFIX).unwrap_or(text);
+        let number = number.parse().ok().filter(|number: &NonZeroU32| number.get() <= MOST);
+        number.map(Self).ok_or_else(|| NUMBERS.to_owned())
+    }
+}
+
+/// What names an object.
+const NUMBERS: &str = "an object's number or name as `gprop objects` lists them, such as 2 or object_2";
+
 impl FromStr for ObjectChoice {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         match text {
-            "auto" => return Ok(Self::Auto),
-            "all" => return Ok(Self::All),
-            _ => {}
+            "auto" => Ok(Self::Auto),
+            "all" => Ok(Self::All),
+            _ => text.parse().map(Self::One).map_err(|number: String| format!("not `auto`, `all`, or {number}")),
         }
-        let number = text.strip_prefix(PREFIX).unwrap_or(text);
-        let number = number.parse().ok().filter(|number: &NonZeroU32| number.get() <= MOST);
-        number.map(|number| Self::One(ObjectNumber(number))).ok_or_else(|| {
-            "not `auto`, `all`, or an object's number or name as `gprop objects` lists them, such as 2 or object_2"
-                .to_owned()
-        })
     }
 }
 
