@@ -102,7 +102,7 @@ class StageOptions(Options, total=False):
     min_body_share: Annotated[float, "Ignore connected bodies with less than this fraction of the object's total opacity: they are floaters [default: 0.01]"]
     min_part_share: Annotated[float, "List parts smaller than this fraction of the object's volume in the notes [default: 0.001]"]
     bodies: Annotated[Literal["one-part", "parts"], "How to write the connected bodies of one part (such as the four legs of a chair) [default: one-part] [possible values: one-part, parts]"]
-    known_mass: Annotated[str | float, "Weight of the whole object, as a kitchen scale shows it: `660g`, `0.66kg`, or a number in kg; narrows the masses of all parts, and gives the scale if nothing else does"]
+    known_mass: Annotated[str | float, "Weight of the whole object, as a kitchen scale shows it: `660g`, `0.66kg`, or a number in kg; narrows the masses of all parts, and gives the scale if nothing else does. Of several objects, `2=660g` is the weight of object_2"]
     known_mass_error: Annotated[str | float, "Error of that weight, such as `5g`: with a probability of 90 %, the true weight differs by no more [default: a hundredth of the weight]"]
     drop_height: Annotated[float, "Height of the drop, as a multiple of the longest side (only for the scenario `drop`) [default: 0.5]"]
     tilt_deg: Annotated[float, "Tilt before the drop, in degrees (only for the scenario `drop`) [default: 25]"]

@@ -178,7 +178,7 @@ fn passes(work: &WorkArgs, run: Run) -> Vec<Pass> {
     if !asks || work.from.is_some_and(|from| from > Stage::Query) {
         return vec![Pass { run, from: work.from }];
     }
-    let asking = Pass { run: Run { to: Stage::Query, simulates: true }, from: work.from };
+    let asking = Pass { run: Run { to: Stage::Query, simulates: true, ..run }, from: work.from };
     vec![asking, Pass { run, from: work.from.map(|_| Stage::Vote) }]
 }
 

@@ -2,6 +2,8 @@
 
 // The mesh itself again, with its physics.
 mod asset;
+// Several objects of a capture as one scene.
+mod table;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -1,5 +1,8 @@
-"""Imports a USD asset into Newton, drops it from 2 cm onto a plane, and prints what was imported and how it moves from 2 s to
-4 s after the drop, as JSON."""
+"""Imports a USD into Newton and prints what was imported, and how it moves, as JSON.
+
+newton_check.py ASSET        dropped from 2 cm onto a plane, how it moves from 2 s to 4 s after the drop
+newton_check.py SCENE table  of each body of a scene with its own support: mass, place, how far it is moved and turned 2 s later
+"""
 
 import json
 import sys
@@ -26,28 +29,54 @@ def lowest(builder):
     return least
 
 
-def dropped(builder):
-    """How far and how fast the body moves once it should rest."""
-    builder.add_ground_plane(height=lowest(builder) - DROP_M)
+def simulated(builder, seconds):
+    """The poses of all bodies before each step."""
     model = builder.finalize(device="cpu")
     solver = newton.solvers.SolverXPBD(model, iterations=10)
     states = [model.state(), model.state()]
     newton.eval_fk(model, model.joint_q, model.joint_qd, states[0])
     control, pipeline = model.control(), newton.CollisionPipeline(model)
     contacts = pipeline.contacts()
-    start = states[0].body_q.numpy()[0, :3].copy()
-    places = []
-    for step in range(round(END_S / STEP_S)):
+    yield states[0].body_q.numpy().copy()
+    for _ in range(round(seconds / STEP_S)):
         states[0].clear_forces()
         pipeline.collide(states[0], contacts)
         solver.step(states[0], states[1], control, contacts, STEP_S)
         states.reverse()
-        if step * STEP_S >= RESTS_S:
-            places.append(states[0].body_q.numpy()[0, :3].copy())
+        yield states[0].body_q.numpy().copy()
+
+
+def dropped(builder):
+    """How far and how fast the body moves once it should rest."""
+    builder.add_ground_plane(height=lowest(builder) - DROP_M)
+    poses = [pose[0, :3] for pose in simulated(builder, END_S)]
+    resting = poses[round(RESTS_S / STEP_S):]
     return {
-        "fell_m": float(start[2] - places[-1][2]),
-        "moved_m": float(np.linalg.norm(np.ptp(places, axis=0))),
+        "fell_m": float(poses[0][2] - poses[-1][2]),
+        "moved_m": float(np.linalg.norm(np.ptp(resting, axis=0))),
     }
+
+
+def center(pose, com):
+    """The centre of mass of a body in the world."""
+    turn = np.array(wp.quat_to_matrix(wp.quat(*pose[3:].tolist()))).reshape(3, 3)
+    return turn @ np.array(com) + pose[:3]
+
+
+def table(builder):
+    """How far each body is from where it was put."""
+    *_, after = poses = list(simulated(builder, RESTS_S))
+    before = poses[0]
+    return [
+        {
+            "name": builder.body_label[n],
+            "mass_kg": float(builder.body_mass[n]),
+            "place_m": center(before[n], com).tolist(),
+            "moved_m": float(np.linalg.norm(center(after[n], com) - center(before[n], com))),
+            "turned_rad": float(2 * np.arccos(min(1.0, abs(before[n, 3:] @ after[n, 3:])))),
+        }
+        for n, com in enumerate(builder.body_com)
+    ]
 
 
 wp.config.quiet = True
@@ -64,4 +93,5 @@ imported = {
     "colliders": sum(kind == int(newton.GeoType.CONVEX_MESH) for kind in kinds),
     "shapes": len(kinds),
 }
-print(json.dumps(imported | dropped(builder)))
+moves = {"table": table(builder)} if sys.argv[2:] == ["table"] else dropped(builder)
+print(json.dumps(imported | moves))

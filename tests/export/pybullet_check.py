@@ -1,10 +1,12 @@
-"""Loads URDFs in PyBullet and prints what it finds of each as a list in JSON.
+"""Loads URDFs or worlds in PyBullet and prints what it finds of each as a list in JSON.
 
 pybullet_check.py URDF...    per link, with the base first: mass, centre, inertia, friction, what is shown and what collides
+pybullet_check.py SDF...     per body that moves: mass, friction, place, and how far it is moved and turned 2 s later
 """
 
 import ctypes
 import json
+import math
 import os
 import sys
 
@@ -34,6 +36,33 @@ def fall(body):
     return before[2] - pybullet.getBasePositionAndOrientation(body)[0][2]
 
 
+def world(path):
+    client = pybullet.connect(pybullet.DIRECT)
+    try:
+        pybullet.setGravity(0, 0, -9.8)
+        bodies = pybullet.loadSDF(path)
+        moving = [body for body in bodies if pybullet.getDynamicsInfo(body, BASE)[0] > 0]
+        before = [pybullet.getBasePositionAndOrientation(body) for body in moving]
+        for _ in range(480):
+            pybullet.stepSimulation()
+        after = [pybullet.getBasePositionAndOrientation(body) for body in moving]
+        return {"static": len(bodies) - len(moving), "bodies": list(map(moved, moving, before, after))}
+    finally:
+        pybullet.disconnect(client)
+
+
+def moved(body, before, after):
+    mass, friction = pybullet.getDynamicsInfo(body, BASE)[:2]
+    same = abs(sum(a * b for a, b in zip(before[1], after[1])))
+    return {
+        "mass_kg": mass,
+        "friction": friction,
+        "place_m": before[0],
+        "moved_m": math.dist(before[0], after[0]),
+        "turned_rad": 2 * math.acos(min(1.0, same)),
+    }
+
+
 def link_of(body, link, shown):
     mass, friction, inertia, center = pybullet.getDynamicsInfo(body, link)[:4]
     low, high = pybullet.getAABB(body, link)
@@ -51,7 +80,7 @@ def link_of(body, link, shown):
     }
 
 
-found = [loaded(path) for path in sys.argv[1:]]
+found = [world(path) if path.endswith(".sdf") else loaded(path) for path in sys.argv[1:]]
 # PyBullet prints warnings without the end of their line.
 ctypes.CDLL(None).fflush(None)
 print(f"\n{json.dumps(found)}")

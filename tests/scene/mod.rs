@@ -25,7 +25,7 @@ mod solid;
 // The scale from a printed marker.
 mod marker;
 // Several things on one table, told apart.
-mod objects;
+pub mod objects;
 // Round trips with splat-transform.
 mod peer;
 // Meshes of every format, good and bad.

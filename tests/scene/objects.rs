@@ -14,7 +14,6 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use super::folder::{assert_message, options};
-use crate::query::{a, completion, good_answer_about_part};
 use crate::run::{for_python, gprop};
 use crate::support::server::{MockServer, Request, Response};
 use crate::support::{python, python_has, shared};
@@ -110,7 +109,7 @@ fn turned(mut gaussians: Gaussians, turn: &UnitQuaternion<f64>) -> Gaussians {
 }
 
 /// The things in a scene's folder, in another frame, with photos from all around and the true maps.
-struct Table {
+pub struct Table {
     folder: TempDir,
     turn: UnitQuaternion<f64>,
     /// For each Gaussian.
@@ -118,7 +117,7 @@ struct Table {
 }
 
 impl Table {
-    fn new() -> Self {
+    pub fn new() -> Self {
         Self::with(things())
     }
 
@@ -134,7 +133,7 @@ impl Table {
         table
     }
 
-    fn path(&self) -> &Path {
+    pub fn path(&self) -> &Path {
         self.folder.path()
     }
 
@@ -190,7 +189,7 @@ impl Table {
     }
 
     /// Label maps of all things, as another program would make them of the photos. Returns their folder.
-    fn write_labels(&self) -> String {
+    pub fn write_labels(&self) -> String {
         let folder = self.path().join("labels");
         std::fs::create_dir(&folder).unwrap();
         for n in 0..12 {
@@ -206,11 +205,16 @@ impl Table {
         image::open(self.path().join(format!("ground_truth/object_maps/{n:03}.png"))).unwrap().into_luma8()
     }
 
-    fn run(&self, words: &[&str]) -> (Option<i32>, String, String) {
+    pub fn run(&self, words: &[&str]) -> (Option<i32>, String, String) {
         let mut command = gprop();
         let output = command.args(&words[..1]).arg(self.path()).args(&words[1..]).output().unwrap();
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
         (output.status.code(), text(output.stdout), text(output.stderr))
+    }
+
+    /// Number of Gaussians of all things together.
+    pub fn gaussians(&self) -> usize {
+        self.thing_of.len()
     }
 
     fn views_of(&self, object: &str) -> Value {
@@ -399,49 +403,6 @@ fn what_another_object_hides_is_no_evidence() {
         }
     }
     assert!(on_cup > 1000 && elsewhere * 50 < on_cup, "{elsewhere} of {on_cup} pixels are not the cup's");
-}
-
-/// Both objects at their places on the plane of the table; nothing moves.
-#[test]
-fn all_objects_are_exported_onto_their_table() {
-    let table = Table::new();
-    let labels = table.write_labels();
-    let server = MockServer::new(|_: &Request| {
-        Response::new(200).json(completion(&good_answer_about_part(a("wood")).to_string()))
-    });
-    let url = format!("{}/v1", server.uri());
-    let out = table.path().join("exported");
-    let coarse = ["--volume-cells", "20000", "--sheet-size", "256", "--scale", "0.5", "--segments", &labels];
-    let asked = ["--lmm-url", &url, "--lmm-model", "test-model"];
-    let what = ["export", "--object", "all", "--format", "mjcf,glb", "--out", out.to_str().unwrap()];
-    let (code, text, error) = table.run(&[&what[..], &coarse, &asked].concat());
-    assert_eq!(code, Some(0), "{error}");
-    assert_eq!(text.lines().filter(|line| line.ends_with("scene.xml")).count(), 1, "{text}");
-    let scene = std::fs::read_to_string(out.join("scene.xml")).unwrap();
-    assert!(
-        scene.matches("<include file=").count() == 2 && scene.contains("name=\"support\" type=\"plane\""),
-        "{scene}"
-    );
-    if !python_has("all_objects_are_exported_onto_their_table", "mujoco", "mujoco") {
-        return;
-    }
-    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/export/mujoco_check.py");
-    let found = python(&script, &[Path::new("table"), &out.join("scene.xml")]);
-    let bodies = found[0].as_array().unwrap();
-    assert_eq!(bodies.len(), 2, "{found}");
-    for (body, object) in bodies.iter().zip(["object_1", "object_2"]) {
-        let path = table.path().join("gprop/objects").join(object).join("parts.json");
-        let parts: Value = serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap();
-        let mass = parts["object"]["mass_kg"]["mid"].as_f64().unwrap();
-        assert!((body["mass_kg"].as_f64().unwrap() / mass - 1.0).abs() < 1e-3, "{body} {mass}");
-        // Their undersides are flat: nothing tilts by more than what contacts give.
-        assert!(body["moved_m"].as_f64().unwrap() < 0.001, "{body}");
-        assert!(body["turned_rad"].as_f64().unwrap() < 0.005, "{body}");
-    }
-    // The middles of brick and cup are 0.3 - (-0.42) and -0.2 - (-0.02) apart, at 0.5 m for a unit.
-    let place = |n: usize, axis: usize| bodies[n]["place_m"][axis].as_f64().unwrap();
-    let apart = (place(0, 0) - place(1, 0)).hypot(place(0, 1) - place(1, 1));
-    assert!((apart - 0.5 * 0.72_f64.hypot(0.18)).abs() < 0.01, "{apart}: {found}");
 }
 
 /// A rendered capture of a breakfast table with five objects; each is found once.
