@@ -15,8 +15,7 @@ use tempfile::TempDir;
 
 use super::folder::{assert_message, options};
 use crate::run::{for_python, gprop};
-use crate::support::server::{MockServer, Request, Response};
-use crate::support::{python, python_has, shared};
+use crate::support::shared;
 use crate::vote::build::{Blob, camera_at, cloud};
 
 /// The photos' focal length in pixels, and their size.

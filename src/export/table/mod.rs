@@ -107,7 +107,7 @@ impl Table<'_> {
         self.scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|_| ESTIMATED_SCALE)
     }
 
-    /// The piece of the surface that is drawn: a square under all objects with as much around them.
+    /// The piece of the surface that is drawn: a square under all objects, half as long again as they reach.
     fn drawn_support(&self) -> Square {
         let surface = self.surface();
         let raised = |body: &Body| {
@@ -120,7 +120,7 @@ impl Table<'_> {
         let (low, high) = feet.iter().fold((first, first), |(low, high), at| (low.inf(at), high.sup(at)));
         let middle = nalgebra::center(&low, &high);
         let center = middle - surface.normal * surface.height(&middle);
-        Square { center, side: 2.0 * (high - low).xy().max(), turn: turn_to(&surface.normal) }
+        Square { center, side: 1.5 * (high - low).xy().max(), turn: turn_to(&surface.normal) }
     }
 }
 

@@ -1,7 +1,7 @@
 //! `scene.sdf`: a world of SDFormat, which Gazebo, Drake and PyBullet read, with the meshes of the objects' URDFs.
 //!
-//! Friction is written in the ways that readers understand: per collider for Gazebo and Drake, and per link, as in the
-//! [URDF](super::super::urdf), for PyBullet. PyBullet takes only a number for `static`, and wants a size for a plane without end.
+//! PyBullet takes only a number for `static`, and wants a size for a plane without end. Its own element for friction is left out,
+//! because Drake refuses what SDFormat does not know.
 
 use std::fmt::Write;
 
@@ -61,13 +61,11 @@ fn write_support(text: &mut String, table: &Table) {
 
 fn write_body(text: &mut String, body: &Body) {
     let Body { name, rise_m, mass_kg, center_m, inertia_kg_m2: i, colliders } = body;
-    let least = colliders.iter().map(|collider| collider.friction).fold(f64::INFINITY, f64::min);
     let _ = write!(
         text,
         r#"    <model name="{name}">
       <pose>0 0 {rise_m} 0 0 0</pose>
       <link name="{name}">
-        <contact><lateral_friction>{least}</lateral_friction></contact>
         <inertial>
           <pose>{center} 0 0 0</pose>
           <mass>{mass_kg}</mass>
