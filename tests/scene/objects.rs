@@ -362,7 +362,7 @@ fn a_run_takes_all_objects_and_one_that_fails_does_not_stop_the_others() {
     assert!(list["objects"][0]["error"].as_str().unwrap().contains("is a link"), "{list}");
     assert_eq!(list["objects"][1]["error"], Value::Null);
     let (code, _, error) = table.run(&["run", "--known-mass", "1kg"]);
-    assert!(code == Some(2) && error.contains("--object N"), "{error}");
+    assert!(code == Some(2) && error.contains("--known-mass 2=1"), "{error}");
 }
 
 #[test]
