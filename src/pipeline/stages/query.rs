@@ -21,7 +21,7 @@ use crate::units::{MetricScale, Range};
 use crate::words::output::{agreeing, counted};
 use crate::words::part_name::part_name;
 use crate::words::readable::significant;
-use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
+use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::recognized::Recognized;
 use super::scene;
@@ -315,11 +315,6 @@ pub(super) fn scale(open: &OpenScene) -> Result<Option<MetricScale>, WorkDirErro
 /// The scale in `size.json`; `None` if the model did not say how long the object is.
 pub fn estimated_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirError> {
     Ok(work.read_json::<SizeFile>(Artifact::Size)?.scale)
-}
-
-/// The same of any work folder; also `None` if it has none.
-pub(super) fn estimate_in(work: &Path) -> Option<MetricScale> {
-    workdir::read_json::<SizeFile>(&work.join(Artifact::Size.path())).ok()?.scale
 }
 
 fn read_answers(work: &WorkDir) -> Result<Answers> {

@@ -4,6 +4,8 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::Deserialize;
+
 use crate::error::{Result, UsageError};
 use crate::parts::{MassReading, Parts, belief_together};
 use crate::pipeline::options::Options;
@@ -13,7 +15,6 @@ use crate::words::readable::significant;
 use crate::workdir::{self, Artifact};
 
 use super::OpenScene;
-use super::query::estimate_in;
 
 /// Refuses the weight of one of several objects if this is the only one.
 pub fn check(options: &Options) -> Result<(), UsageError> {
@@ -86,6 +87,17 @@ fn estimated(work: &Path) -> Option<MetricScale> {
     );
     let range = Some(Range::new(low, high));
     Some(MetricScale { meters_per_unit: mid, source: ScaleSource::Estimated, provenance, range })
+}
+
+/// What is read of `size.json`.
+#[derive(Deserialize)]
+struct Judged {
+    scale: Option<MetricScale>,
+}
+
+/// What a model judged of the size of the object with this work folder; `None` if it was not asked or did not say.
+fn estimate_in(work: &Path) -> Option<MetricScale> {
+    workdir::read_json::<Judged>(&work.join(Artifact::Size.path())).ok()?.scale
 }
 
 /// The work folders of all objects of the capture, one of which is `work`, by number.
