@@ -177,7 +177,7 @@ pub fn print_files(global: &Global, files: &[PathBuf]) -> Result<()> {
 
 /// Opens a scene to do the stages up to one, with or without the simulation.
 pub fn open(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulates: bool) -> Result<Pipeline> {
-    Ok(builder_with(global, folder, work.out.as_deref(), &work.options, plan(work, to, simulates)?).open()?)
+    builder_with(global, folder, work.out.as_deref(), &work.options, plan(work, to, simulates)?).open()
 }
 
 /// Opens a scene later, to do the stages up to one.
