@@ -110,6 +110,8 @@ pub mod grasp;
 #[doc(hidden)]
 pub mod inspect;
 #[doc(hidden)]
+pub mod lettering;
+#[doc(hidden)]
 pub mod links;
 #[doc(hidden)]
 pub mod local_server;

@@ -10,7 +10,7 @@ use super::fingers::{FINGER_LENGTH_M, FINGER_THICKNESS_M, OrientedBox, PALM_M, h
 use super::{GraspReport, Limit};
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::gaussians::{Gaussians, SH_C0};
-use crate::pictures::lettering::Style;
+use crate::lettering::Style;
 use crate::pictures::panels::{Entry, Key, Panel, compose};
 use crate::pictures::{palette, strokes};
 use crate::render::{RenderOptions, render, render_labels};

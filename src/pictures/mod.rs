@@ -1,7 +1,7 @@
 //! The pictures that several stages draw: a photo's segments and materials, and the field as a camera sees it.
 //!
 //! [`palette`] and [`field_colors`] give parts, materials and Gaussians their colours, [`framing`] chooses the view and
-//! crops it to the object, [`strokes`] and [`lettering`] draw on pictures, [`panels`] puts them side by side; [`figure`] shows the
+//! crops it to the object, [`strokes`] draws on pictures, [`panels`] puts them side by side; [`figure`] shows the
 //! field, [`property`] one property of it, [`segmented`] SAM's segments and the answers before the vote,
 //! [`material_map`] the answers for one photo, [`thumbnail`] a scene at a glance, [`turntable`] the object from all
 //! sides.
@@ -10,7 +10,6 @@ pub mod field_colors;
 pub mod figure;
 pub mod framing;
 mod legends;
-pub(crate) mod lettering;
 pub mod material_map;
 pub mod palette;
 pub(crate) mod panels;

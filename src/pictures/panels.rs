@@ -5,7 +5,7 @@ use image::{GenericImage, Rgb, RgbImage};
 use nalgebra::Point2;
 
 use super::{palette, strokes};
-use crate::pictures::lettering::Style;
+use crate::lettering::Style;
 
 const PAPER: Rgb<u8> = Rgb([255; 3]);
 /// Longest side of a panel in pixels; a larger picture is shrunk.

@@ -3,7 +3,7 @@
 use image::{Rgb, RgbImage};
 use nalgebra::{Point2, Vector2};
 
-use crate::pictures::lettering::{INK, Style, blend};
+use crate::lettering::{INK, Style, blend};
 
 const WHITE: Rgb<u8> = Rgb([255; 3]);
 

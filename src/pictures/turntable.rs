@@ -8,7 +8,7 @@ use super::property::Property;
 use super::{field_colors, legends};
 use crate::camera::Camera;
 use crate::film::{self, Size, orbit};
-use crate::pictures::lettering::Style;
+use crate::lettering::Style;
 use crate::render::{Colors, RenderOptions, render};
 use crate::scene::robust_bounds;
 

@@ -13,7 +13,7 @@ use image::{GenericImage, GrayImage, Rgb, RgbImage};
 use panel::Area;
 use serde::{Deserialize, Serialize};
 
-use crate::pictures::lettering::Style;
+use crate::lettering::Style;
 use crate::query::recorded::sha256::Sha256Hex;
 use crate::scene::Photo;
 use crate::segment::LabelMap;

@@ -4,7 +4,7 @@ use image::{GenericImage, GrayImage, Rgb, RgbImage};
 
 use super::panel::{self, Area};
 use super::{ENLARGED_AT_MOST, GAP, LABEL_PX, PAPER, Sheet};
-use crate::pictures::lettering::Style;
+use crate::lettering::Style;
 use crate::scene::Photo;
 use crate::segment::LabelMap;
 
