@@ -126,7 +126,7 @@ impl Sam {
     }
 }
 
-/// [`setup::doctor`], which also opens SAM if the user named one of its files: such a file may be anything,
+/// [`setup::doctor()`], which also opens SAM if the user named one of its files: such a file may be anything,
 /// whereas those in the cache are verified by their hashes.
 pub fn doctor(options: &setup::Options) -> Doctor {
     let found = setup::doctor(options);
