@@ -20,6 +20,9 @@ from unittest import mock
 import gprop
 from gprop import _running
 
+# A shell that starts the tests in the background has interrupts ignored, here and in the programs that are started.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 FIXTURES = Path(__file__).resolve().parents[2] / "fixtures"
 
 try:
