@@ -10,8 +10,7 @@ use std::io::{Cursor, Read};
 use nalgebra::UnitQuaternion;
 use zip::ZipArchive;
 
-use super::super::placement::Axes;
-use super::super::usd::text::{extent, list, quoted, triple, tuple};
+use super::super::usd::text::{extent, head, quoted, triple, tuple};
 use super::super::usd::{gaussians, package, physics};
 use super::super::{ExportError, Files};
 use super::Table;
@@ -64,17 +63,7 @@ fn scene(table: &Table, layer_of: impl Fn(&str) -> String) -> String {
     let has_surroundings = !table.surroundings.is_empty();
     let note = table.note_on_scale().map(|note| format!("        string note = {}\n", quoted(note)));
     let mut text = format!(
-        r#"#usda 1.0
-(
-    customLayerData = {{
-        double[] input_from_asset = {input_from_asset}
-{note}    }}
-    defaultPrim = "{name}"
-    kilogramsPerUnit = 1
-    metersPerUnit = 1
-    upAxis = "Z"
-)
-
+        r#"{head}
 def Xform "{name}" (
     kind = "assembly"
     prepend variantSets = "appearance"
@@ -91,8 +80,7 @@ def Xform "{name}" (
     }}
 
 "#,
-        input_from_asset = list(table.placement().input_from_asset(Axes::ZUp).into_iter().map(|n| n.to_string())),
-        note = note.unwrap_or_default(),
+        head = head(&table.name(), &table.placement(), &note.unwrap_or_default()),
         name = table.name(),
         appearances = appearances(table, has_surroundings),
     );

@@ -19,9 +19,8 @@ mod thumbnail;
 
 use std::fmt::Write;
 
-use super::placement::Axes;
 use super::{ExportError, Files, Model, Rigid, obj};
-use text::{extent, list, quoted, triple};
+use text::{extent, head, quoted, triple};
 
 /// Wikidata's item "physical object": gprop does not know what kind of thing it measured.
 const QCODE: &str = "Q223557";
@@ -55,17 +54,7 @@ fn write_thumbnail(model: &Model, rigid: &Rigid, path: &str, files: &mut Files) 
 fn stage(model: &Model, rigid: &Rigid) -> String {
     let name = &rigid.name;
     let mut text = format!(
-        r#"#usda 1.0
-(
-    customLayerData = {{
-        double[] input_from_asset = {input_from_asset}
-{metadata}    }}
-    defaultPrim = "{name}"
-    kilogramsPerUnit = 1
-    metersPerUnit = 1
-    upAxis = "Z"
-)
-
+        r#"{head}
 def Xform "{name}" (
     prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI", "SemanticsLabelsAPI:class", "SemanticsLabelsAPI:wikidata_qcode"]
     kind = "component"
@@ -96,8 +85,7 @@ def Xform "{name}" (
     }}
 
 "#,
-        input_from_asset = list(rigid.placement.input_from_asset(Axes::ZUp).into_iter().map(|n| n.to_string())),
-        metadata = metadata(rigid),
+        head = head(name, &rigid.placement, &metadata(rigid)),
         extent = {
             let (low, high) = rigid.extent();
             extent([low, high].into_iter().map(Into::into))

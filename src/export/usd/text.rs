@@ -1,5 +1,6 @@
 //! Values in USD's text format.
 
+use crate::export::placement::{Axes, Placement};
 use crate::words::output::one_line;
 
 /// A string literal of one line. Control characters are shown as escapes (the six characters `\u001b`), because USD does
@@ -23,6 +24,25 @@ pub fn rounded(value: f64, digits: usize) -> String {
 /// Several numbers as one value.
 pub fn tuple(values: impl IntoIterator<Item = f64>, digits: usize) -> String {
     format!("({})", values.into_iter().map(|v| rounded(v, digits)).collect::<Vec<_>>().join(", "))
+}
+
+/// The head of a root layer with this default prim: metres, kilograms, z up, and the way back to the input's frame; `metadata`
+/// are more lines of custom data.
+pub fn head(name: &str, placement: &Placement, metadata: &str) -> String {
+    format!(
+        r#"#usda 1.0
+(
+    customLayerData = {{
+        double[] input_from_asset = {input_from_asset}
+{metadata}    }}
+    defaultPrim = "{name}"
+    kilogramsPerUnit = 1
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+"#,
+        input_from_asset = list(placement.input_from_asset(Axes::ZUp).into_iter().map(|n| n.to_string())),
+    )
 }
 
 pub fn list(items: impl Iterator<Item = String>) -> String {
