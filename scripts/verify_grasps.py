@@ -7,7 +7,7 @@
     scripts/verify_grasps.py --tried FILE.json [FILE.json ...]          # only the tables, from earlier runs
 
 For each scene, the model that `gprop export --format mjcf` writes lies on a plane. The gripper has two parallel pads with the
-profile's area, and opens no wider than its stroke. At each of the five best places, it closes with F*, with 0.8 and 1.2 times
+profile's area, and opens no wider than its stroke. At each of the five best places, it closes with gprop's force and with F*, with 0.8 and 1.2 times
 F_min, and with F_max (as far as the gripper can; forces are those of one finger). It rises by 20 cm in 1.5 s straight up, shakes
 by 5 mm at 2 Hz for 1 s, and holds for 2 s. At the first place, it also tries the paper's fixed forces.
 
@@ -323,6 +323,7 @@ def verify(options, folder):
             truth = judged_truth(folder, work, grasp, written[0])
             model, middle = scene(export, body, grasp, gripper, truth, options.touch)
             forces = {
+                "force": grasp["force_n"],
                 "F*": grasp["f_star_n"],
                 "0.8 F_min": 0.8 * grasp["f_min_n"],
                 "1.2 F_min": min(1.2 * grasp["f_min_n"], most),
@@ -341,7 +342,7 @@ def verify(options, folder):
                 tried[label] = same[0] if same else attempt(model, body, middle, force)
                 tried[label]["margin_n_m"] = torque_margin(gripper, truth["friction"], force, weight, grasp["lever_m"])
                 print(f"{name} {number + 1}, {label}: {json.dumps(tried[label])}", file=sys.stderr)
-            places.append({**{key: grasp[key] for key in ("part", "feasible", "infeasible_because", "f_min_n", "f_max_n",
+            places.append({**{key: grasp[key] for key in ("part", "feasible", "infeasible_because", "force_n", "f_min_n", "f_max_n",
                                                             "f_star_n", "torque_margin_n_m", "lever_m")},
                            "truth": truth, "true_f_min_n": true_f_min, "tried": tried})
         return {"scene": name, "gripper": gripper["name"], "true_f_max_n": true_f_max, "feasible": report["feasible"],
@@ -401,23 +402,23 @@ def table(results):
                 cells = [f"{result['scene']} {number + 1}", says, label, f"{tried['force_n']:.1f}",
                          "" if math.isnan(share) else f"{share:.2f}", tried["outcome"],
                          "" if lost else f"{1e3 * tried['slid_m']:.1f}", "" if lost else f"{tried['turned_deg']:.0f}",
-                         f"{place['torque_margin_n_m']:.2f}" if label == "F*" else "", shape]
+                         f"{place['torque_margin_n_m']:.2f}" if label == "force" else "", shape]
                 lines.append("| " + " | ".join(cells) + " |")
     return "\n".join([*lines, "", *first_places(results), "", *policies(results), "", *checks(results)])
 
 
 def first_places(results):
     """The first place of each object under every policy."""
-    lines = ["| object | true part | F_min | F* | F_max | true F_min | true F_max | gprop says | " + " | ".join(POLICIES) + " |",
-             "| --- " * (8 + len(POLICIES)) + "|"]
+    lines = ["| object | true part | force | F_min | F* | F_max | true F_min | true F_max | gprop says | " + " | ".join(POLICIES) + " |",
+             "| --- " * (9 + len(POLICIES)) + "|"]
     number = lambda value: "" if value is None else f"{value:.1f}" if value < 100 else f"{value:.0f}"
     for result in results:
         for place in result["places"][:1]:
             words = [word(place["tried"][label]) for label in POLICIES.values()]
             truth = place["truth"]
             star = "" if truth["friction_is_true"] else "*"
-            forces = [number(place[key]) for key in ("f_min_n", "f_star_n", "f_max_n", "true_f_min_n")]
-            forces[3] += star
+            forces = [number(place[key]) for key in ("force_n", "f_min_n", "f_star_n", "f_max_n", "true_f_min_n")]
+            forces[4] += star
             cells = [result["scene"], truth["part"] or "", *forces, number(result["true_f_max_n"]),
                      place["infeasible_because"] or "feasible", *words]
             lines.append("| " + " | ".join(cells) + " |")
@@ -425,7 +426,7 @@ def first_places(results):
 
 
 # Name of each policy and of its force.
-POLICIES = {"MinGF": "MinGF", "MidGF": "MidGF", "MaxGF": "MaxGF", "gprop": "F*"}
+POLICIES = {"MinGF": "MinGF", "MidGF": "MidGF", "MaxGF": "MaxGF", "F*": "F*", "gprop": "force"}
 
 
 def word(tried):
@@ -461,10 +462,12 @@ def checks(results):
         return f"- {text}: {len(among) - len(names)} of {len(among)} places" + (f"; not {', '.join(names)}" if names else "")
 
     return [
-        says("held at F* if gprop says that the gripper can lift the object", liftable, lambda p: still(p["tried"]["F*"])),
-        says("lost at F* if gprop says that it cannot", others, lambda p: p["tried"]["F*"]["outcome"] == "lost"),
-        says(f"not turned by more than {TURNED_DEG:.0f} degrees at F*, or the torque margin is negative", places,
-             lambda p: not turned(p["tried"]["F*"]) or p["torque_margin_n_m"] < 0.0),
+        says("held with gprop's force if gprop says that the gripper can lift the object", liftable,
+             lambda p: still(p["tried"]["force"])),
+        says("held with F* if gprop says that the gripper can lift the object", liftable, lambda p: still(p["tried"]["F*"])),
+        says("lost with gprop's force if gprop says that it cannot", others, lambda p: p["tried"]["force"]["outcome"] == "lost"),
+        says(f"not turned by more than {TURNED_DEG:.0f} degrees with gprop's force, or the torque margin is negative", places,
+             lambda p: not turned(p["tried"]["force"]) or p["torque_margin_n_m"] < 0.0),
         says("slid by 5 mm or more at 0.8 F_min", places, lambda p: not still(p["tried"]["0.8 F_min"])),
         says("slid by 5 mm or more at 0.8 true F_min", judged, lambda p: not still(p["tried"]["0.8 true F_min"])),
         says("held at 1.2 true F_min, or the torque margin at that force is negative", judged,

@@ -67,7 +67,13 @@ fn a_proposal_is_judged_by_the_true_part_at_its_contacts() {
     assert_eq!((object.f_star_n, object.normalized_command), (report.f_star_n, report.normalized_command));
     assert!((object.true_f_min_n - by_hand).abs() < 1e-12, "{} is not {by_hand}", object.true_f_min_n);
     // Commands 15, 60 and 100 of a gripper that is linear from 0 N at 15 to 40 N at 100.
-    let forces = [("MinGF", 0.0), ("MidGF", 40.0 * 45.0 / 85.0), ("MaxGF", 40.0), ("gprop", report.f_star_n)];
+    let forces = [
+        ("MinGF", 0.0),
+        ("MidGF", 40.0 * 45.0 / 85.0),
+        ("MaxGF", 40.0),
+        ("gprop", report.force_n),
+        ("F*", report.f_star_n),
+    ];
     for (policy, force) in forces {
         let grasp = object.grasps[policy];
         assert!((grasp.force_n - force).abs() < 1e-9, "{policy}: {grasp:?}");

@@ -268,6 +268,7 @@ const OUTSIDE: &[(&str, Spoil)] = &[
     ("--point", |o| o.grasp.point = Some([0.0, f64::NAN, 0.0])),
     ("--lift-angle-deg", |o| o.grasp.lift_angle_deg = f64::NAN),
     ("--max-curvature", |o| o.grasp.max_curvature = Some(0.0)),
+    ("--safety-factor", |o| o.grasp.safety_factor = 0.9),
     ("--force-margin", |o| o.grasp.force_margin = 0.51),
 ];
 

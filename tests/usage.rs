@@ -139,6 +139,7 @@ const NUMBERS: &[(&str, [&str; 2], [&str; 2])] = &[
     ("--fps", ["1", "60"], ["0", "61"]),
     ("--lift-angle-deg", ["0", "90"], ["-0.01", "90.1"]),
     ("--max-curvature", ["0.001", "1000000"], ["0", "1000001"]),
+    ("--safety-factor", ["1", "100"], ["0.9", "101"]),
     ("--force-margin", ["0", "0.5"], ["-0.01", "0.51"]),
     // Those of a batch. A range of scenes may have any length: beyond the last scene it is empty.
     ("--start", ["0", "18446744073709551615"], ["-1", "18446744073709551616"]),

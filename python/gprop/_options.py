@@ -134,6 +134,8 @@ class StageOptions(Options, total=False):
     gripper: Annotated[str, "Built-in gripper (paper, robotiq-2f-85, franka-hand) or TOML profile (see grippers/README.md) [default: paper]"]
     lift_angle_deg: Annotated[float, "Angle between the direction of the lift and straight up, in degrees from 0 to 90 [default: 0]"]
     max_curvature: Annotated[float, "Largest curvature kappa_max that the grasped part tolerates, in 1/m [default: by the material's family, 0.5 for metal; the paper takes 0.5 for all]"]
+    force: Annotated[Literal["safety", "paper"], "How hard to press [default: safety] [possible values: safety, paper]"]
+    safety_factor: Annotated[float, "How many times the least force that holds the object to press with, from 1 to 100; never above F_max and the gripper's range [default: 2]"]
     force_margin: Annotated[float, "Margin eta at both ends of the usable forces, as a fraction of their span, from 0 to 0.5 [default: 0.05]"]
     policy: Annotated[Literal["mid", "safe"], "Which values of the intervals determine the force [default: mid] [possible values: mid, safe]"]
 

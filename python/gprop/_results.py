@@ -53,6 +53,8 @@ _GRASP: dict[str, _Shape] = {
     "width_m": (),
     "thickness_m": _ESTIMATE,
     "lever_m": (),
+    "force_n": (),
+    "f_hold_n": (),
     "f_min_n": (),
     "f_max_n": (),
     "f_star_n": (),
@@ -126,7 +128,7 @@ class Result:
             return "no place to grasp at was found"
         best = self.grasps[0]
         name = _one_line(best["part"].partition(",")[0])
-        force, low, high = (_number(best[column]) for column in ("f_star_n", "f_min_n", "f_max_n"))
+        force, low, high = (_number(best[column]) for column in ("force_n", "f_min_n", "f_max_n"))
         no_force = "" if best["feasible"] else ", and no force is safe"
         return f"grasp: {force} N on {name}; slips below {low} N, damaged above {high} N{no_force}"
 

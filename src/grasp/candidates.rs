@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::fingers::free_approach;
-use super::intervals::{Forces, Inputs};
+use super::intervals::{Contact, Forces, Inputs};
 use super::places::{Place, Where, places};
 use super::surface::Surface;
 use super::{GraspError, GripperProfile, Limit, Options, Reason};
@@ -54,15 +54,21 @@ pub struct Candidate {
     pub misalignment_rad: f64,
     /// Distance of the line of the contacts from the object's centre of mass.
     pub lever_m: f64,
+    /// The force to press with, and the limit that sets it.
+    pub force_n: f64,
+    pub force_limited_by: Limit,
+    /// The least force with which the object neither slips nor turns between the fingers.
+    pub f_hold_n: f64,
     pub f_min_n: f64,
     pub f_max_n: f64,
+    /// The paper's F*, and the limit that sets it.
     pub f_star_n: f64,
     pub limited_by: Limit,
-    /// Whether F* holds the object without damaging the part, and without letting it turn between the fingers.
+    /// Whether `force_n` holds the object without damaging the part, and without letting it turn between the fingers.
     pub feasible: bool,
     /// Why not; `None` if it is feasible.
     pub infeasible_because: Option<Reason>,
-    /// Torque about the line of the contacts that two fingers pressing with F* can hold besides the weight, minus the
+    /// Torque about the line of the contacts that two fingers pressing with `force_n` can hold besides the weight, minus the
     /// torque of the weight at the worst inclination. Negative: the object may turn between the fingers.
     pub torque_margin_n_m: f64,
 }
@@ -133,7 +139,7 @@ pub fn candidates(
             Err(error) => return Err(error),
         }
     }
-    rank(&mut ranked, object, wanted, &friction, gripper);
+    rank(&mut ranked, object, wanted, &friction);
     let candidates = best_with_space(&ranked, object, gripper);
     let mut left_out = left_out.into_values();
     if candidates.is_empty() {
@@ -143,20 +149,11 @@ pub fn candidates(
 }
 
 /// Sorts places with their forces, the best first; `friction` is that of each label.
-fn rank(
-    places: &mut Vec<(Place, Forces)>,
-    object: &Graspable,
-    wanted: Where,
-    friction: &[f64],
-    gripper: &GripperProfile,
-) {
+fn rank(places: &mut Vec<(Place, Forces)>, object: &Graspable, wanted: Where, friction: &[f64]) {
     let center = Point3::from(object.parts.object.center_of_mass_m);
     let distances = object.surface.points.iter().map(|p| (p.position - center).norm());
     let radius = distances.fold(f64::MIN_POSITIVE, f64::max);
-    let flaws = |place: &Place, forces: &Forces| {
-        let turns = torque_margin_n_m(forces, place.lever_m(center), gripper.contact_radius_m()) < 0.0;
-        (forces.star.infeasible_because.is_some(), turns)
-    };
+    let flaws = |forces: &Forces| (forces.force.infeasible_because.is_some(), forces.lets_turn());
     let cost = |place: &Place, forces: &Forces| {
         let distance = match wanted {
             Where::Near(point) => place.contacts.iter().map(|c| (c - point).norm()).fold(f64::INFINITY, f64::min),
@@ -165,10 +162,8 @@ fn rank(
         let misalignment = place.misalignment_rad / friction[place.part as usize].atan();
         distance / radius + MISALIGNMENT_WEIGHT * misalignment + forces.f_min_n / forces.upper.newtons
     };
-    let mut keyed: Vec<_> = places
-        .drain(..)
-        .map(|(place, forces)| (flaws(&place, &forces), cost(&place, &forces), place, forces))
-        .collect();
+    let mut keyed: Vec<_> =
+        places.drain(..).map(|(place, forces)| (flaws(&forces), cost(&place, &forces), place, forces)).collect();
     keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
     places.extend(keyed.into_iter().map(|(_, _, place, forces)| (place, forces)));
 }
@@ -186,7 +181,7 @@ fn best_with_space(ranked: &[(Place, Forces)], object: &Graspable, gripper: &Gri
             continue;
         }
         if let Some(approach) = free_approach(place, side, &object.surface.obstacles, &cells) {
-            chosen.push((place, candidate(object, place, forces, approach, gripper)));
+            chosen.push((place, candidate(object, place, forces, approach)));
         }
     }
     chosen.into_iter().map(|(_, candidate)| candidate).collect()
@@ -204,13 +199,14 @@ fn forces_at(
     if part.volume_m3.is_none() {
         return Ok(None);
     }
-    let thickness = match part.thickness_m {
+    let thickness_m = match part.thickness_m {
         Some(wall) if part.is_wall => wall,
         // With the same relative uncertainty of its size as the part's own.
         Some(of_part) => of_part.scaled(place.thickness_m / of_part.mid),
         None => Estimate::exactly(place.thickness_m),
     };
-    let inputs = Inputs::of(object.parts, label, thickness, gripper, options)?;
+    let lever_m = place.lever_m(Point3::from(object.parts.object.center_of_mass_m));
+    let inputs = Inputs::of(object.parts, label, Contact { thickness_m, lever_m }, gripper, options)?;
     inputs.forces(&part.caption, gripper, options).map(Some)
 }
 
@@ -219,17 +215,8 @@ fn same(a: &Place, b: &Place, side: f64) -> bool {
     (middle(a) - middle(b)).norm() < side && a.axis().dot(&b.axis()).abs() > SAME_AXIS
 }
 
-fn candidate(
-    object: &Graspable,
-    place: &Place,
-    forces: &Forces,
-    approach: Vector3<f64>,
-    gripper: &GripperProfile,
-) -> Candidate {
-    let center = Point3::from(object.parts.object.center_of_mass_m);
-    let lever_m = place.lever_m(center);
-    let torque_margin_n_m = torque_margin_n_m(forces, lever_m, gripper.contact_radius_m());
-    let infeasible_because = forces.star.infeasible_because.or((torque_margin_n_m < 0.0).then_some(Reason::Turns));
+fn candidate(object: &Graspable, place: &Place, forces: &Forces, approach: Vector3<f64>) -> Candidate {
+    let infeasible_because = forces.force.infeasible_because.or(forces.lets_turn().then_some(Reason::Turns));
     let part_id = object.labels[place.part as usize].id;
     let part = object.parts.of_label(part_id);
     let (part, material) = part.map(|part| (part.caption, part.material)).unwrap_or_default();
@@ -244,29 +231,24 @@ fn candidate(
         width_m: place.width_m(),
         thickness_m: forces.inputs.thickness_m,
         misalignment_rad: place.misalignment_rad,
-        lever_m,
+        lever_m: forces.inputs.lever_m,
+        force_n: forces.force.newtons,
+        force_limited_by: forces.force.limit,
+        f_hold_n: forces.hold_n,
         f_min_n: forces.f_min_n,
         f_max_n: forces.upper.newtons,
         f_star_n: forces.star.newtons,
         limited_by: forces.star.limit,
         feasible: infeasible_because.is_none(),
         infeasible_because,
-        torque_margin_n_m,
+        torque_margin_n_m: torque_margin_n_m(forces),
     }
 }
 
-/// Torque that two fingers hold besides the weight, minus that of the weight at the worst inclination, N m.
-fn torque_margin_n_m(forces: &Forces, lever_m: f64, contact_radius_m: f64) -> f64 {
-    torque_capacity_n_m(forces, contact_radius_m) - forces.mass_kg * GRAVITY_M_S2 * lever_m
-}
-
-/// Torque about the line of the contacts that two fingers hold besides the weight, N m.
-///
-/// A disc of radius r pressed evenly with F and friction mu resists rotation with up to 2/3 mu F r. Force along the
-/// surface and torque share the friction: to a good approximation (f / (mu F))^2 + (tau / tau_max)^2 = 1 (Howe and
-/// Cutkosky, *Practical force-motion models for sliding manipulation*, 1996). The weight takes f / (mu F) = F_min / F.
-fn torque_capacity_n_m(forces: &Forces, contact_radius_m: f64) -> f64 {
-    let most = 2.0 * (2.0 / 3.0) * forces.friction * forces.star.newtons * contact_radius_m;
-    let taken = forces.f_min_n / forces.star.newtons;
-    if taken < 1.0 { most * (1.0 - taken * taken).sqrt() } else { 0.0 }
+/// Torque about the line of the contacts that two fingers hold besides the weight, minus that of the weight at the worst
+/// inclination, N m: as [`forces::f_hold`](super::forces::f_hold), solved for the torque.
+fn torque_margin_n_m(forces: &Forces) -> f64 {
+    let spare_n = (forces.force.newtons.powi(2) - forces.f_min_n.powi(2)).max(0.0).sqrt();
+    let capacity = 2.0 * forces.friction * forces.inputs.pressure_arm_m * spare_n;
+    capacity - forces.mass_kg * GRAVITY_M_S2 * forces.inputs.lever_m
 }

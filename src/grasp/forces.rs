@@ -9,6 +9,17 @@
 //! dF    = max(0, [F_max]_G - [F_min]_G)
 //! ```
 //!
+//! and, of our own, the force to press with: the least one with which the object neither slips nor turns, times a safety
+//! factor s.
+//!
+//! ```text
+//! F_hold = sqrt(F_min^2 + (m g l / (2 mu a))^2)
+//! F      = s F_hold cut to [ [F_min]_G, [F_max]_G - eta dF ]          if F_min < F_max, else as F*
+//! ```
+//!
+//! `l` is the distance of the line of the contacts from the centre of mass, `a` the mean distance of the pressure under a
+//! finger from its middle (for a disc of radius r, 2/3 r).
+//!
 //! `[f]_G` clamps a force to the gripper's range G. mu, sigma_y, E, d and kappa_max are those of the grasped part, rho_i
 //! and V_i those of every part.
 //!
@@ -52,16 +63,27 @@ pub fn f_max(part: &GraspedPart) -> ForceMax {
     }
 }
 
-/// The force to use.
+/// What bounds the force of one finger.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct ForceStar {
+pub struct Bounds {
+    pub f_min_n: f64,
+    pub upper: ForceMax,
+    /// The gripper's range G.
+    pub gripper_n: [f64; 2],
+    /// eta, 0 to 0.5.
+    pub margin: f64,
+}
+
+/// A force to press with.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Force {
     pub newtons: f64,
     pub limit: Limit,
-    /// Why it does not hold the object without damaging the part; `None` if it does.
+    /// Why it does not keep the object from slipping without damaging the part; `None` if it does.
     pub infeasible_because: Option<Reason>,
 }
 
-/// F*, by the paper's two cases. `gripper_n` is the gripper's range G, `margin` is eta, 0 to 0.5.
+/// F*, by the paper's two cases.
 ///
 /// **F_min < F_max**: the mean, kept away from both ends of the gripper's range between the bounds by eta times its
 /// length. Feasible if F* then lies between F_min and F_max, that is, if the gripper can reach it. Limited by what sets
@@ -72,12 +94,13 @@ pub struct ForceStar {
 ///
 /// F* is continuous over both cases, always within the gripper's range, and never decreases if F_min or F_max
 /// increases.
-pub fn f_star(f_min_n: f64, upper: ForceMax, gripper_n: [f64; 2], margin: f64) -> ForceStar {
+pub fn f_star(bounds: &Bounds) -> Force {
+    let &Bounds { f_min_n, upper, gripper_n, margin } = bounds;
     let in_gripper = |force: f64| force.clamp(gripper_n[0], gripper_n[1]);
     let mean = 0.5 * (f_min_n + upper.newtons);
     if f_min_n >= upper.newtons {
         let infeasible_because = Some(Reason::Damage);
-        return ForceStar { newtons: in_gripper(mean), limit: Limit::Slip, infeasible_because };
+        return Force { newtons: in_gripper(mean), limit: Limit::Slip, infeasible_because };
     }
     let (least, most) = (in_gripper(f_min_n), in_gripper(upper.newtons));
     let inset = margin * (most - least);
@@ -85,5 +108,36 @@ pub fn f_star(f_min_n: f64, upper: ForceMax, gripper_n: [f64; 2], margin: f64) -
     let untouched = (least, most) == (f_min_n, upper.newtons) || newtons == mean;
     let infeasible_because =
         if newtons < f_min_n { Some(Reason::TooWeak) } else { (newtons > upper.newtons).then_some(Reason::TooStrong) };
-    ForceStar { newtons, limit: if untouched { upper.limit } else { Limit::Gripper }, infeasible_because }
+    Force { newtons, limit: if untouched { upper.limit } else { Limit::Gripper }, infeasible_because }
+}
+
+/// The smallest force of one finger, in N, with which the object neither slips nor turns about the line of the contacts
+/// under `torque_n_m`; `arm_m` is the mean distance of the pressure under a finger from its middle.
+///
+/// Two fingers that press with F resist turning with up to 2 mu F a. Force along the surface and torque share the friction:
+/// to a good approximation, (f / (mu F))^2 + (tau / (mu F a))^2 = 1 (Howe and Cutkosky, *Practical force-motion models for
+/// sliding manipulation*, 1996). The weight takes f / (mu F) = F_min / F.
+pub fn f_hold(f_min_n: f64, torque_n_m: f64, friction: f64, arm_m: f64) -> f64 {
+    f_min_n.hypot(torque_n_m / (2.0 * friction * arm_m))
+}
+
+/// `factor` times [`f_hold`], as far as part and gripper allow; between their bounds it keeps the same margin below the
+/// upper one as F*. Where no force avoids both slip and damage, F*.
+pub fn f_safe(hold_n: f64, factor: f64, bounds: &Bounds) -> Force {
+    let &Bounds { f_min_n, upper, gripper_n, margin } = bounds;
+    let star = f_star(bounds);
+    if star.infeasible_because.is_some() {
+        return star;
+    }
+    let [least, most] = [f_min_n, upper.newtons].map(|force| force.clamp(gripper_n[0], gripper_n[1]));
+    let wanted = factor * hold_n;
+    let newtons = wanted.clamp(least, most - margin * (most - least));
+    let limit = if newtons == wanted {
+        Limit::Safety
+    } else if newtons < wanted && most == upper.newtons {
+        upper.limit
+    } else {
+        Limit::Gripper
+    };
+    Force { newtons, limit, infeasible_because: None }
 }

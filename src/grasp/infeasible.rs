@@ -46,7 +46,7 @@ impl Infeasible {
     /// The verdict if the object may turn between the fingers even at the `best` place.
     pub fn of_torque(best: &Candidate, options: &Options) -> Self {
         let mut advice = vec!["use wider fingers".to_owned()];
-        if best.limited_by == Limit::Gripper {
+        if best.force_limited_by == Limit::Gripper {
             advice.push("use a stronger gripper".to_owned());
         }
         if options.part.is_some() || options.point.is_some() {

@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::forces::{ForceMax, ForceStar, GraspedPart, f_max, f_min, f_star};
+use super::forces::{Bounds, Force, ForceMax, GraspedPart, f_hold, f_max, f_min, f_safe, f_star};
+use super::options::ForceRule;
 use super::{GraspError, GripperProfile, Options, Policy};
 use crate::parts::Parts;
 use crate::units::{Estimate, GRAVITY_M_S2, Reading};
@@ -20,6 +21,10 @@ pub struct Inputs {
     pub youngs_modulus_pa: Estimate,
     pub thickness_m: Estimate,
     pub contact_area_m2: f64,
+    /// Mean distance of the pressure under a finger from its middle: 2/3 of the radius of a disc of the finger's area.
+    pub pressure_arm_m: f64,
+    /// Distance of the line of the contacts from the centre of mass; 0 if no place was chosen.
+    pub lever_m: f64,
     pub max_curvature_1_m: f64,
     pub lift_angle_rad: f64,
 }
@@ -30,6 +35,8 @@ pub struct Inputs {
 pub struct Intervals {
     pub f_min_n: Estimate,
     pub f_max_n: Estimate,
+    /// Of the force to press with; like F*, it never decreases if a bound increases.
+    pub force_n: Estimate,
     /// Over all inputs within their bounds: F* never decreases if F_min or F_max increases, so its ends follow from
     /// theirs.
     pub f_star_n: Estimate,
@@ -43,20 +50,46 @@ pub struct Forces {
     /// The value of the interval that the policy selects; likewise below.
     pub f_min_n: f64,
     pub upper: ForceMax,
-    pub star: ForceStar,
+    /// The least force with which the object neither slips nor turns.
+    pub hold_n: f64,
+    pub star: Force,
+    /// The force to press with.
+    pub force: Force,
     pub friction: f64,
     pub mass_kg: f64,
 }
 
+/// The forces of one finger for the low, middle or high values of the inputs.
+#[derive(Debug, Clone, Copy)]
+struct ForcesOfReading {
+    hold_n: f64,
+    bounds: Bounds,
+}
+
+/// Where the fingers press on a part.
+#[derive(Debug, Clone, Copy)]
+pub struct Contact {
+    pub thickness_m: Estimate,
+    /// As [`Inputs::lever_m`].
+    pub lever_m: f64,
+}
+
+impl Forces {
+    /// True if the weight can turn the object between fingers that press with this force.
+    pub fn lets_turn(&self) -> bool {
+        self.force.newtons < self.hold_n
+    }
+}
+
 impl Inputs {
-    /// The inputs if the part of `label` is grasped where it has this thickness.
+    /// The inputs if the part of `label` is grasped at this contact.
     ///
     /// # Errors
     /// If a lift angle, curvature or margin is outside its domain.
     pub fn of(
         parts: &Parts,
         label: &FieldLabel,
-        thickness_m: Estimate,
+        contact: Contact,
         gripper: &GripperProfile,
         options: &Options,
     ) -> Result<Self, GraspError> {
@@ -65,8 +98,10 @@ impl Inputs {
             friction: label.friction_rubber,
             strength_pa: label.yield_strength_pa,
             youngs_modulus_pa: label.youngs_modulus_pa,
-            thickness_m,
+            thickness_m: contact.thickness_m,
             contact_area_m2: gripper.finger_area_m2,
+            pressure_arm_m: 2.0 / 3.0 * gripper.contact_radius_m(),
+            lever_m: contact.lever_m,
             max_curvature_1_m: options.max_curvature_of(&label.family),
             lift_angle_rad: options.lift_angle_deg.to_radians(),
         })
@@ -78,23 +113,38 @@ impl Inputs {
     /// If friction, strength, stiffness, thickness or mass is not positive.
     pub fn forces(self, part: &str, gripper: &GripperProfile, options: &Options) -> Result<Forces, GraspError> {
         self.check(part)?;
-        let star = |f_min_n, upper| f_star(f_min_n, upper, gripper.force_n, options.force_margin);
-        let [low, mid, high] = [Reading::Low, Reading::Mid, Reading::High].map(|reading| self.bounds(reading));
+        let reading = |reading| self.of_reading(reading, gripper, options);
+        let (low, mid, high) = (reading(Reading::Low), reading(Reading::Mid), reading(Reading::High));
+        let estimate =
+            |newtons: &dyn Fn(&ForcesOfReading) -> f64| Estimate::new(newtons(&low), newtons(&mid), newtons(&high));
+        let force = |of: &ForcesOfReading| match options.force {
+            ForceRule::Safety => f_safe(of.hold_n, options.safety_factor, &of.bounds),
+            ForceRule::Paper => f_star(&of.bounds),
+        };
         let intervals = Intervals {
-            f_min_n: Estimate::new(low.0, mid.0, high.0),
-            f_max_n: Estimate::new(low.1.newtons, mid.1.newtons, high.1.newtons),
-            f_star_n: Estimate::new(
-                star(low.0, low.1).newtons,
-                star(mid.0, mid.1).newtons,
-                star(high.0, high.1).newtons,
-            ),
+            f_min_n: estimate(&|of| of.bounds.f_min_n),
+            f_max_n: estimate(&|of| of.bounds.upper.newtons),
+            force_n: estimate(&|of| force(of).newtons),
+            f_star_n: estimate(&|of| f_star(&of.bounds).newtons),
         };
-        let friction = options.policy.friction(self.friction);
-        let ((f_min_n, _), (_, upper), mass_kg) = match options.policy {
-            Policy::Mid => (mid, mid, self.mass_kg.mid),
-            Policy::Safe => (high, low, self.mass_kg.high),
+        let (chosen, mass_kg) = match options.policy {
+            Policy::Mid => (mid, self.mass_kg.mid),
+            Policy::Safe => {
+                let bounds = Bounds { f_min_n: high.bounds.f_min_n, ..low.bounds };
+                (ForcesOfReading { hold_n: high.hold_n, bounds }, self.mass_kg.high)
+            }
         };
-        Ok(Forces { inputs: self, intervals, f_min_n, upper, star: star(f_min_n, upper), friction, mass_kg })
+        Ok(Forces {
+            inputs: self,
+            intervals,
+            f_min_n: chosen.bounds.f_min_n,
+            upper: chosen.bounds.upper,
+            hold_n: chosen.hold_n,
+            star: f_star(&chosen.bounds),
+            force: force(&chosen),
+            friction: options.policy.friction(self.friction),
+            mass_kg,
+        })
     }
 
     fn check(&self, part: &str) -> Result<(), GraspError> {
@@ -115,9 +165,9 @@ impl Inputs {
         Ok(())
     }
 
-    /// The low, middle or high value of both bounds: F_min is largest for the heaviest object with the least friction,
+    /// The low, middle or high value of all forces: F_min is largest for the heaviest object with the least friction,
     /// F_max smallest for the weakest, softest and thinnest part.
-    fn bounds(&self, reading: Reading) -> (f64, ForceMax) {
+    fn of_reading(&self, reading: Reading, gripper: &GripperProfile, options: &Options) -> ForcesOfReading {
         let read = |e: Estimate| reading.of(e);
         let friction = reading.opposite().of(self.friction);
         let upper = f_max(&GraspedPart {
@@ -127,6 +177,12 @@ impl Inputs {
             thickness_m: read(self.thickness_m),
             max_curvature_1_m: self.max_curvature_1_m,
         });
-        (f_min(read(self.mass_kg), friction, self.lift_angle_rad, GRAVITY_M_S2), upper)
+        let mass_kg = read(self.mass_kg);
+        let f_min_n = f_min(mass_kg, friction, self.lift_angle_rad, GRAVITY_M_S2);
+        let torque_n_m = mass_kg * GRAVITY_M_S2 * self.lever_m;
+        ForcesOfReading {
+            hold_n: f_hold(f_min_n, torque_n_m, friction, self.pressure_arm_m),
+            bounds: Bounds { f_min_n, upper, gripper_n: gripper.force_n, margin: options.force_margin },
+        }
     }
 }

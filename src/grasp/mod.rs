@@ -38,9 +38,9 @@ use fingers::FINGER_LENGTH_M;
 use grasped_part::PartChoice;
 use gripper::GripperProfile;
 use infeasible::Infeasible;
-use intervals::{Forces, Inputs, Intervals};
+use intervals::{Contact, Forces, Inputs, Intervals};
 use nalgebra::Point3;
-pub use options::{Options, Policy, SCENE_KEYS};
+pub use options::{ForceRule, Options, Policy, SCENE_KEYS};
 use places::Where;
 use surface::Surface;
 
@@ -58,6 +58,8 @@ pub enum Limit {
     Bending,
     /// The force is limited by the gripper's range.
     Gripper,
+    /// The safety factor alone: the force is that many times the least one that holds the object.
+    Safety,
 }
 
 /// Why no safe force was found.
@@ -91,17 +93,28 @@ pub struct GraspReport {
     pub part_chosen: PartChoice,
     pub gripper: String,
     pub policy: Policy,
-    /// The least force that holds the object, as the policy reads it.
+    /// How `force_n` is found.
+    pub force_rule: ForceRule,
+    pub safety_factor: f64,
+    /// The force to press with, as the policy reads it; always within the gripper's range.
+    pub force_n: f64,
+    /// The limit that sets `force_n`.
+    pub force_limited_by: Limit,
+    /// The command for the gripper's controller that gives `force_n`.
+    pub force_command: f64,
+    /// The least force with which the object neither slips nor turns between the fingers, as the policy reads it.
+    pub f_hold_n: f64,
+    /// The least force with which the object does not slip, as the policy reads it.
     pub f_min_n: f64,
     /// The greatest force that the part withstands, as the policy reads it.
     pub f_max_n: f64,
     /// The limit that sets `f_max_n`: yield or bending.
     pub f_max_limited_by: Limit,
-    /// The force to press with; always within the gripper's range.
+    /// The paper's F*: midway between F_min and F_max as far as the gripper can.
     pub f_star_n: f64,
     /// The limit that sets `f_star_n`: slip, yield, bending or the gripper.
     pub limited_by: Limit,
-    /// Whether `f_star_n` holds the object without damaging the part, and at the best place without letting it turn
+    /// Whether `force_n` holds the object without damaging the part, and at the best place without letting it turn
     /// between the fingers.
     pub feasible: bool,
     /// Why not, and what to do about it; `None` if it is feasible.
@@ -155,21 +168,22 @@ pub fn grasp(
     let mut warnings: Vec<String> = doubt.into_iter().collect();
     let object = surface.map(|surface| Graspable { parts, labels, surface });
     let candidates = search(object.as_ref(), place, gripper, options, &mut warnings)?;
-    let (part, part_chosen, thickness_m) = match candidates.first() {
+    let (part, part_chosen, contact) = match candidates.first() {
         Some(best) => {
             let part = parts.of_label(best.part_id).unwrap_or(part);
             let chosen = if options.part.is_some() { PartChoice::Named } else { PartChoice::BestPlace };
-            (part, chosen, best.thickness_m)
+            (part, chosen, Contact { thickness_m: best.thickness_m, lever_m: best.lever_m })
         }
         None => {
             let thickness_m = part.thickness_m.ok_or_else(|| no_thickness(&part))?;
-            (part, chosen, thickness_m)
+            (part, chosen, Contact { thickness_m, lever_m: 0.0 })
         }
     };
     let (_, label) = label_of(&part, labels)?;
-    let inputs = Inputs::of(parts, label, thickness_m, gripper, options)?;
-    let Forces { inputs, intervals, f_min_n, upper, star, .. } = inputs.forces(&part.caption, gripper, options)?;
-    let infeasible = match (star.infeasible_because, candidates.first()) {
+    let inputs = Inputs::of(parts, label, contact, gripper, options)?;
+    let Forces { inputs, intervals, f_min_n, upper, hold_n, star, force, .. } =
+        inputs.forces(&part.caption, gripper, options)?;
+    let infeasible = match (force.infeasible_because, candidates.first()) {
         (Some(reason), _) => Some(Infeasible::of_force(reason, f_min_n, upper.newtons, gripper)),
         (None, Some(best)) if !best.feasible => Some(Infeasible::of_torque(best, options)),
         (None, _) => None,
@@ -182,6 +196,12 @@ pub fn grasp(
         part_chosen,
         gripper: gripper.name.clone(),
         policy: options.policy,
+        force_rule: options.force,
+        safety_factor: options.safety_factor,
+        force_n: force.newtons,
+        force_limited_by: force.limit,
+        force_command: gripper.command_for(force.newtons),
+        f_hold_n: hold_n,
         f_min_n,
         f_max_n: upper.newtons,
         f_max_limited_by: upper.limit,

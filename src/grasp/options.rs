@@ -15,6 +15,11 @@ const CURVATURE_1_M: Domain<f64> = above(0.0, 1e6);
 const MARGIN: Domain<f64> = from_to(0.0, 0.5);
 /// The paper keeps F* away from both ends of the usable forces by a margin eta but gives no value; 5 % is our choice.
 const FORCE_MARGIN: f64 = 0.05;
+/// Below 1, the object falls.
+const SAFETY_FACTOR: Domain<f64> = from_to(1.0, 100.0);
+/// Makers of grippers compute with m (g + a) S / mu (assemblymag.com/articles/91040): 2 bears an acceleration a of 1 g, or
+/// half of the friction.
+const SAFETY: f64 = 2.0;
 /// The gripper of the paper's experiments.
 const GRIPPER: &str = "paper";
 
@@ -26,9 +31,23 @@ pub const SCENE_KEYS: &[SceneKey] = &[
     SceneKey::name_or_path("gripper", GripperProfile::is_builtin),
     SceneKey::any("lift-angle-deg"),
     SceneKey::any("max-curvature"),
+    SceneKey::any("force"),
+    SceneKey::any("safety-factor"),
     SceneKey::any("force-margin"),
     SceneKey::any("policy"),
 ];
+
+/// How the force to press with follows from what holds the object and what damages the part.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[serde(rename_all = "snake_case")]
+pub enum ForceRule {
+    /// The least force that holds the object, times the safety factor
+    #[default]
+    Safety,
+    /// The paper's F*, midway between F_min and F_max as far as the gripper can
+    Paper,
+}
 
 /// Which values of the intervals determine the force.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, clap::ValueEnum)]
@@ -75,6 +94,13 @@ pub struct Options {
     /// the paper takes 0.5 for all]
     #[arg(long, value_name = "1/M", value_parser = CURVATURE_1_M)]
     pub max_curvature: Option<f64>,
+    /// How hard to press
+    #[arg(long, value_enum, default_value_t)]
+    pub force: ForceRule,
+    /// How many times the least force that holds the object to press with, from 1 to 100; never above F_max and the
+    /// gripper's range
+    #[arg(long, value_name = "FACTOR", default_value_t = SAFETY, value_parser = SAFETY_FACTOR)]
+    pub safety_factor: f64,
     /// Margin eta at both ends of the usable forces, as a fraction of their span, from 0 to 0.5
     #[arg(long, value_name = "SHARE", default_value_t = FORCE_MARGIN, value_parser = MARGIN)]
     pub force_margin: f64,
@@ -116,6 +142,7 @@ impl Options {
         }
         LIFT_ANGLE_DEG.check("--lift-angle-deg", self.lift_angle_deg)?;
         CURVATURE_1_M.check("--max-curvature", self.max_curvature)?;
+        SAFETY_FACTOR.check("--safety-factor", self.safety_factor)?;
         MARGIN.check("--force-margin", self.force_margin)
     }
 }

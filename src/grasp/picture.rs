@@ -99,7 +99,7 @@ impl Scene<'_> {
             text: format!(
                 "{}: {}, {:.0} mm wide{}",
                 part_name(&candidate.part, &candidate.material),
-                newtons(candidate.f_star_n),
+                newtons(candidate.force_n),
                 1e3 * candidate.width_m,
                 if candidate.feasible { "" } else { ", not safe" },
             ),
@@ -121,7 +121,7 @@ impl Scene<'_> {
                 && (tip - from).norm() >= SHORTEST_ARROW_PX
             {
                 strokes::arrow(&mut picture, from, tip, ARROW_PX, color(0));
-                let (style, text) = (Style::semibold(LABEL_PX), newtons(report.f_star_n));
+                let (style, text) = (Style::semibold(LABEL_PX), newtons(report.force_n));
                 let (along, size) = ((from - tip).normalize(), [style.width(&text), style.height()].map(f64::from));
                 let away = 0.5 * (along.x.abs() * size[0] + along.y.abs() * size[1]) + 2.0 * ARROW_PX;
                 strokes::centered(&mut picture, style, &text, from + along * away);
@@ -130,19 +130,16 @@ impl Scene<'_> {
         let damage = match report.f_max_limited_by {
             Limit::Yield => "the part yields",
             Limit::Bending => "the part bends too far",
-            Limit::Slip | Limit::Gripper => "the part is damaged",
+            Limit::Slip | Limit::Gripper | Limit::Safety => "the part is damaged",
         };
         let mut lines = vec![
-            format!(
-                "F* {}: press with this, command {}",
-                newtons(report.f_star_n),
-                significant(report.normalized_command)
-            ),
+            format!("{}: press with this, command {}", newtons(report.force_n), significant(report.force_command)),
             format!("F_min {}: with less, the object slips", newtons(report.f_min_n)),
             format!("F_max {}: with more, {damage}", newtons(report.f_max_n)),
+            format!("F* {}: the paper's choice", newtons(report.f_star_n)),
         ];
         if let Some(why) = &report.infeasible {
-            lines[0] = format!("F* {}: for comparison only", newtons(report.f_star_n));
+            lines[0] = format!("{}: for comparison only", newtons(report.force_n));
             lines.extend(Style::regular(LABEL_PX).wrapped(&format!("Not safe: {why}"), picture.width()));
         }
         let legend = lines.into_iter().map(|text| Entry { text, key: Key::None }).collect();

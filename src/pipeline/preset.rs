@@ -11,7 +11,7 @@ pub enum Preset {
     Parts,
     /// As in the paper, GaussianProperty: SAM's middle level from a 32 x 32 grid with one layer of crops, a question
     /// about every segment of every view, one vote per view at the centre of each Gaussian that passes the depth test,
-    /// the most frequent material for each Gaussian, and the same largest curvature for every material
+    /// the most frequent material for each Gaussian, the same largest curvature for every material, and F* to press with
     Paper,
 }
 
@@ -29,6 +29,7 @@ impl Preset {
                 "--vote=frequency",
                 "--agree=gaussian",
                 "--max-curvature=0.5",
+                "--force=paper",
             ],
         }
     }
@@ -49,6 +50,7 @@ mod tests {
         assert_eq!((paper.segment.generator.points_per_side, paper.segment.generator.crop_layers), (32, 1));
         assert_eq!((paper.vote.vote, paper.vote.agree), (Rule::Frequency, Agreement::Gaussian));
         assert_eq!(paper.grasp.max_curvature, Some(crate::grasp::curvature::PAPER_1_M));
+        assert_eq!(paper.grasp.force, crate::grasp::options::ForceRule::Paper);
         let default = Preset::Parts.options();
         assert_eq!((default.consensus.ask, default.segment.level), (AskAbout::Object, None));
     }

@@ -5,38 +5,37 @@ use minijinja::{Value, context};
 use crate::grasp::{GraspReport, Reason};
 use crate::words::readable::significant;
 
-/// The scale ends at this many times the larger of F_min and F*, so that there is room beside the mark; or a tenth beyond
+/// The scale ends at this many times the larger of the force to press with and the least one that holds, so that there is room beside the mark; or a tenth beyond
 /// F_max if that is less.
 const ROOM: f64 = 1.5;
 const BEYOND_DAMAGE: f64 = 1.1;
 
-/// Positions of slip, grip and damage, in percent of a scale that ends a little above the largest relevant force, and the
-/// words for the forces between F_min and F_max.
+/// Positions of slip, turning, grip and damage, in percent of a scale that ends a little above the largest relevant force, and the
+/// words for the forces that hold.
 pub fn force_scale(grasp: &GraspReport) -> Value {
-    let relevant = grasp.f_star_n.max(grasp.f_min_n);
+    let relevant = grasp.force_n.max(grasp.f_hold_n);
     let end = round_up((ROOM * relevant).min(BEYOND_DAMAGE * relevant.max(grasp.f_max_n)));
     let percent = |force: f64| 100.0 * (force / end).clamp(0.0, 1.0);
-    let (slip, damage, star) = (percent(grasp.f_min_n), percent(grasp.f_max_n), percent(grasp.f_star_n));
-    let turns = grasp.infeasible.as_ref().is_some_and(|why| why.reason == Reason::Turns);
+    let (slip, damage, mark) = (percent(grasp.f_min_n), percent(grasp.f_max_n), percent(grasp.force_n));
+    let hold = percent(grasp.f_hold_n).min(damage);
     context! {
         end => significant(end),
         slip,
-        between => (damage - slip).max(0.0),
+        turns => (hold - slip).max(0.0),
+        holds => (damage - hold.max(slip)).max(0.0),
         effect => effect(grasp.infeasible.as_ref().map(|why| why.reason)),
-        class => if turns { "turns" } else { "holds" },
-        star,
+        mark,
         // The text stands on the side of the mark that has more room.
-        is_right => star > 50.0,
+        is_right => mark > 50.0,
     }
 }
 
-/// What forces between F_min and F_max do.
+/// What forces between the least one that holds and F_max do.
 fn effect(unsafe_because: Option<Reason>) -> &'static str {
     match unsafe_because {
-        None | Some(Reason::Damage) => "holds",
+        None | Some(Reason::Damage | Reason::Turns) => "holds",
         Some(Reason::TooWeak) => "would hold, but the gripper is too weak",
         Some(Reason::TooStrong) => "would hold, but the gripper cannot press so gently",
-        Some(Reason::Turns) => "does not slip, but may turn between the fingers",
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::Report;
-use crate::grasp::GraspReport;
+use crate::grasp::{ForceRule, GraspReport};
 use crate::parts::Parts;
 use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::FieldLabel;
@@ -123,11 +123,26 @@ pub fn grasp_line(grasp: &GraspReport) -> String {
             significant(grasp.f_max_n),
         ),
         None => format!(
-            "grasp  {} N at the {part}: slips below {} N, damaged above {} N{estimated}\n",
-            significant(grasp.f_star_n),
-            significant(grasp.f_min_n),
-            significant(grasp.f_max_n),
+            "grasp  {} N at the {part}: {}{}{estimated}\n",
+            significant(grasp.force_n),
+            bounds_in_words(grasp),
+            papers_force(grasp),
         ),
         Some(why) => format!("grasp  no safe grip at the {part}: {}{estimated}\n", one_line(&why.explanation)),
+    }
+}
+
+/// What lower and higher forces do: "slips below 2 N, damaged above 400 N".
+pub(super) fn bounds_in_words(grasp: &GraspReport) -> String {
+    let [slip, hold, damage] = [grasp.f_min_n, grasp.f_hold_n, grasp.f_max_n].map(significant);
+    let turns = if hold == slip { String::new() } else { format!("may turn below {hold} N, ") };
+    format!("slips below {slip} N, {turns}damaged above {damage} N")
+}
+
+/// The paper's F* beside the force to press with, if that is another.
+fn papers_force(grasp: &GraspReport) -> String {
+    match grasp.force_rule {
+        ForceRule::Safety => format!("; the paper's F* is {} N", significant(grasp.f_star_n)),
+        ForceRule::Paper => String::new(),
     }
 }

@@ -95,6 +95,8 @@ pub(super) fn places(places: &[Candidate]) -> String {
         .number("width_m", |place| Some(place.width_m))
         .estimate("thickness_m", |place| Some(place.thickness_m))
         .number("lever_m", |place| Some(place.lever_m))
+        .number("force_n", |place| Some(place.force_n))
+        .number("f_hold_n", |place| Some(place.f_hold_n))
         .number("f_min_n", |place| Some(place.f_min_n))
         .number("f_star_n", |place| Some(place.f_star_n))
         .number("f_max_n", |place| Some(place.f_max_n))

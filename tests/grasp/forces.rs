@@ -1,9 +1,11 @@
 //! Forces against hand-computed cases, and over their whole domain.
 
-use gprop::grasp::forces::{ForceMax, GraspedPart, f_max, f_min, f_star};
+use gprop::grasp::forces::{Bounds, ForceMax, GraspedPart, f_hold, f_max, f_min, f_safe, f_star};
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::{Surface, SurfacePoint};
-use gprop::grasp::{GraspError, GraspReport, Limit, Options, Policy, Reason, grasp, grasped_part::PartChoice};
+use gprop::grasp::{
+    ForceRule, GraspError, GraspReport, Limit, Options, Policy, Reason, grasp, grasped_part::PartChoice,
+};
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{NoVolume, Object, Part, Parts};
 use gprop::report::{grasp_line, part_lines};
@@ -136,7 +138,9 @@ fn f_max_by_hand() {
 #[test]
 fn f_star_by_hand() {
     let bending = |newtons| ForceMax { newtons, limit: Limit::Bending };
-    let star = |f_min, f_max| f_star(f_min, bending(f_max), [0.0, 40.0], 0.05);
+    let of =
+        |f_min_n, f_max_n, gripper_n| f_star(&Bounds { f_min_n, upper: bending(f_max_n), gripper_n, margin: 0.05 });
+    let star = |f_min, f_max| of(f_min, f_max, [0.0, 40.0]);
     // (4 + 20) / 2 = 12 N, within 4 + 0.05 * 16 and 20 - 0.05 * 16.
     let middle = star(4.0, 20.0);
     assert_eq!((middle.newtons, middle.limit, middle.infeasible_because), (12.0, Limit::Bending, None));
@@ -156,7 +160,7 @@ fn f_star_by_hand() {
         (40.0, Limit::Gripper, Some(Reason::TooWeak))
     );
     // The gripper presses with at least 10 N, but the part bears only 1.5 N.
-    let delicate = f_star(0.5, bending(1.5), [10.0, 40.0], 0.05);
+    let delicate = of(0.5, 1.5, [10.0, 40.0]);
     assert_eq!(
         (delicate.newtons, delicate.limit, delicate.infeasible_because),
         (10.0, Limit::Gripper, Some(Reason::TooStrong))
@@ -169,6 +173,72 @@ fn f_star_by_hand() {
     );
     // F_min = F_max is the second case.
     assert_eq!(star(5.0, 5.0).infeasible_because, Some(Reason::Damage));
+}
+
+#[test]
+fn the_force_to_press_with_by_hand() {
+    let bounds = |f_min_n, f_max_n, gripper_n| {
+        let upper = ForceMax { newtons: f_max_n, limit: Limit::Bending };
+        Bounds { f_min_n, upper, gripper_n, margin: 0.05 }
+    };
+    // 0.5 kg, 3 mm from the centre of mass, mu 0.6 and pressure 4 mm from its middle: 0.0147 N m over 2 * 0.6 * 4 mm is
+    // 3.0625 N, at a right angle to 4 N.
+    let hold_n = f_hold(4.0, 0.5 * 9.8 * 0.003, 0.6, 0.004);
+    close(hold_n, (16f64 + 3.0625 * 3.0625).sqrt());
+    assert_eq!(f_hold(4.0, 0.0, 0.6, 0.004), 4.0);
+    let force = |hold_n, factor, bounds: Bounds| {
+        let force = f_safe(hold_n, factor, &bounds);
+        (force.newtons, force.limit, force.infeasible_because)
+    };
+    let of_paper = [0.0, 40.0];
+    // Twice what holds.
+    assert_eq!(force(4.0, 2.0, bounds(4.0, 5500.0, of_paper)), (8.0, Limit::Safety, None));
+    assert_eq!(force(5.0, 3.0, bounds(4.0, 5500.0, of_paper)), (15.0, Limit::Safety, None));
+    // At most 6 - 0.05 * (6 - 4) on what breaks at 6 N; at most 40 - 0.05 * (40 - 30) with this gripper, at least 10 with the
+    // other.
+    assert_eq!(force(4.0, 2.0, bounds(4.0, 6.0, of_paper)), (5.9, Limit::Bending, None));
+    assert_eq!(force(30.0, 2.0, bounds(30.0, 5500.0, of_paper)), (39.5, Limit::Gripper, None));
+    assert_eq!(force(4.0, 2.0, bounds(4.0, 5500.0, [10.0, 40.0])), (10.0, Limit::Gripper, None));
+    // Where nothing holds without damage, the same as F*.
+    assert_eq!(force(5.0, 2.0, bounds(5.0, 3.0, of_paper)), (4.0, Limit::Slip, Some(Reason::Damage)));
+    assert_eq!(force(41.0, 2.0, bounds(41.0, 5500.0, of_paper)), (40.0, Limit::Gripper, Some(Reason::TooWeak)));
+    assert_eq!(force(0.5, 2.0, bounds(0.5, 1.5, [10.0, 40.0])), (10.0, Limit::Gripper, Some(Reason::TooStrong)));
+}
+
+#[test]
+fn the_factor_or_the_paper_decides_how_hard_to_press_and_both_are_told() {
+    let factor = |safety_factor| run(&Options { safety_factor, ..of_part("handle") }).unwrap();
+    let twice = factor(2.0);
+    close(twice.force_n, 2.0 * 3.92);
+    // 15 + (100 - 15) * 7.84 / 40
+    close(twice.force_command, 31.66);
+    assert_eq!((twice.force_limited_by, twice.f_hold_n), (Limit::Safety, twice.f_min_n));
+    close(factor(3.0).force_n, 3.0 * 3.92);
+    let most = factor(20.0);
+    assert_eq!((most.force_limited_by, most.force_n), (Limit::Gripper, most.f_star_n));
+    // Whatever is pressed with, the keys of F* are those of F*.
+    let paper = run(&Options { force: ForceRule::Paper, ..of_part("handle") }).unwrap();
+    assert_eq!((paper.force_n, paper.force_command), (paper.f_star_n, paper.normalized_command));
+    for report in [&twice, &most] {
+        assert_eq!((report.f_star_n, report.normalized_command), (paper.f_star_n, paper.normalized_command));
+        assert_eq!((report.limited_by, report.feasible), (paper.limited_by, paper.feasible));
+    }
+}
+
+#[test]
+fn off_the_centre_of_mass_it_presses_harder_so_that_nothing_turns() {
+    let (mut parts, labels) = hammer();
+    // 8 mm beside the wedge's middle, across its line of contacts: more force than twice F_min resists.
+    parts.object.center_of_mass_m = [0.0, 0.0, 0.03];
+    let placed = |force| {
+        let options = Options { force, ..of_part("handle") };
+        grasp(&parts, &labels, Some(&wedge(0)), 1.0, &paper(), &options).unwrap().candidates.remove(0)
+    };
+    let safe = placed(ForceRule::Safety);
+    let hold_n = f_hold(safe.f_min_n, 0.56 * GRAVITY_M_S2 * safe.lever_m, 0.7, 2.0 / 3.0 * paper().contact_radius_m());
+    close(safe.f_hold_n, hold_n);
+    assert!(hold_n > 2.0 * safe.f_min_n && safe.force_n >= hold_n, "{safe:?}");
+    assert!(safe.feasible && safe.torque_margin_n_m > 0.0, "{safe:?}");
 }
 
 #[test]
@@ -338,6 +408,10 @@ fn options_outside_their_domain_are_refused() {
     }
     let curvature = Options { max_curvature: Some(0.0), ..Options::default() };
     assert!(matches!(run(&curvature), Err(GraspError::Option(_))));
+    for safety_factor in [0.9, f64::NAN] {
+        let factor = Options { safety_factor, ..Options::default() };
+        assert!(matches!(run(&factor), Err(GraspError::Option(_))));
+    }
     let margin = Options { force_margin: 0.51, ..Options::default() };
     assert!(matches!(run(&margin), Err(GraspError::Option(_))));
 }
@@ -429,33 +503,41 @@ fn profiles_that_are_wrong_are_refused() {
 
 proptest! {
     #[test]
-    fn f_star_is_always_within_the_gripper_and_infeasible_is_flagged(
-        f_min in 0.0..1e4f64, f_max in 0.0..1e6f64, low in 0.0..50.0f64, span in 0.1..500.0f64, margin in 0.0..=0.5f64,
+    fn every_force_is_within_the_gripper_and_infeasible_is_flagged(
+        hold in 1.0..5.0f64, factor in 1.0..9.0f64, f_min in 0.0..1e4f64, f_max in 0.0..1e6f64, low in 0.0..50.0f64, span in 0.1..500.0f64, margin in 0.0..=0.5f64,
     ) {
-        let star = f_star(f_min, ForceMax { newtons: f_max, limit: Limit::Yield }, [low, low + span], margin);
-        prop_assert!((low..=low + span).contains(&star.newtons));
-        let spares_and_holds = f_min < f_max && (f_min..=f_max).contains(&star.newtons);
-        prop_assert_eq!(star.infeasible_because.is_none(), spares_and_holds);
-        if f_min >= f_max {
-            prop_assert_eq!(star.limit, Limit::Slip);
+        let upper = ForceMax { newtons: f_max, limit: Limit::Yield };
+        let bounds = Bounds { f_min_n: f_min, upper, gripper_n: [low, low + span], margin };
+        for force in [f_star(&bounds), f_safe(hold * f_min, factor, &bounds)] {
+            prop_assert!((low..=low + span).contains(&force.newtons));
+            let spares_and_holds = f_min < f_max && (f_min..=f_max).contains(&force.newtons);
+            prop_assert_eq!(force.infeasible_because.is_none(), spares_and_holds);
+            if f_min >= f_max {
+                prop_assert_eq!(force.limit, Limit::Slip);
+            }
         }
     }
 
-    /// Over both cases of F*: heavier never means a weaker grip, nor does a stronger part.
+    /// Over both cases: heavier never means a weaker grip, nor does a stronger part.
     #[test]
-    fn f_star_never_falls_with_mass_or_strength(
+    fn no_force_falls_with_mass_or_strength(
         mass in 1e-3..50.0f64, more in 1e-3..50.0f64, f_max in 1e-2..1e3f64, stronger in 1.0..10.0f64,
         friction in 0.05..2.0f64, degrees in 0.0..=90.0f64, low in 0.0..50.0f64, span in 0.1..500.0f64,
-        margin in 0.0..=0.5f64,
+        margin in 0.0..=0.5f64, factor in 1.0..9.0f64,
     ) {
-        let star = |mass, newtons| {
-            let f_min = f_min(mass, friction, degrees.to_radians(), GRAVITY_M_S2);
-            f_star(f_min, ForceMax { newtons, limit: Limit::Yield }, [low, low + span], margin).newtons
+        let forces = |mass, newtons| {
+            let f_min_n = f_min(mass, friction, degrees.to_radians(), GRAVITY_M_S2);
+            let upper = ForceMax { newtons, limit: Limit::Yield };
+            let bounds = Bounds { f_min_n, upper, gripper_n: [low, low + span], margin };
+            let hold_n = f_hold(f_min_n, 1e-2 * mass, friction, 4e-3);
+            [f_star(&bounds), f_safe(hold_n, factor, &bounds)].map(|force| force.newtons)
         };
         // Rounding of forces up to 1e4 N.
         let slack = 1e-11;
-        prop_assert!(star(mass, f_max) <= star(mass + more, f_max) + slack);
-        prop_assert!(star(mass, f_max) <= star(mass, f_max * stronger) + slack);
+        for rule in 0..2 {
+            prop_assert!(forces(mass, f_max)[rule] <= forces(mass + more, f_max)[rule] + slack);
+            prop_assert!(forces(mass, f_max)[rule] <= forces(mass, f_max * stronger)[rule] + slack);
+        }
     }
 
     #[test]

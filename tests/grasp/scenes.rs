@@ -68,12 +68,14 @@ fn every_scene_has_places_to_grasp_at() {
         println!("{}", measured.scene.name);
         for p in &report.candidates {
             println!(
-                "  {:10} width {:5.1} mm, thickness {:5.1}, off {:4.1} deg, lever {:5.1} mm, F_min {:5.2} F* {:5.2} F_max {:8.1} N, torque {:6.1} N mm",
+                "  {:10} width {:5.1} mm, thickness {:5.1}, off {:4.1} deg, lever {:5.1} mm, force {:5.2} F_hold {:5.2} F_min {:5.2} F* {:5.2} F_max {:8.1} N, torque {:6.1} N mm",
                 p.part,
                 p.width_m * 1e3,
                 p.thickness_m.mid * 1e3,
                 p.misalignment_rad.to_degrees(),
                 p.lever_m * 1e3,
+                p.force_n,
+                p.f_hold_n,
                 p.f_min_n,
                 p.f_star_n,
                 p.f_max_n,

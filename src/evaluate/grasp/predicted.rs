@@ -17,8 +17,9 @@ use crate::grasp::gripper::GripperProfile;
 use crate::units::GRAVITY_M_S2;
 use crate::words::output::one_line;
 
-/// gprop's own policy: F*.
+/// gprop's own policy, and the paper's F* computed by gprop.
 const GPROP: &str = "gprop";
+const PAPER: &str = "F*";
 /// The paper's fixed-force policies: normalised inputs of 15, 60 and 100, with a gripper that obeys 15 to 100. Given as
 /// fractions of the enabled commands, for any gripper.
 const FIXED: [(&str, f64); 3] = [("MinGF", 0.0), ("MidGF", 45.0 / 85.0), ("MaxGF", 1.0)];
@@ -33,7 +34,9 @@ pub struct GraspedObject {
     pub object: String,
     /// Caption of the part that the fingers press on.
     pub part: String,
-    /// From `grasp.json`, like the next four.
+    /// From `grasp.json`, like the next six.
+    pub force_n: f64,
+    pub force_command: f64,
     pub f_min_n: f64,
     pub f_max_n: f64,
     pub f_star_n: f64,
@@ -58,7 +61,7 @@ pub struct Predicted {
 }
 
 impl GraspedObject {
-    /// The outcomes of F* and of the fixed forces of `gripper` at the place that `report` proposes.
+    /// The outcomes of gprop's force, of F* and of the fixed forces of `gripper` at the place that `report` proposes.
     pub fn new(object: &str, report: &GraspReport, truth: Truth, gripper: &GripperProfile) -> Self {
         let [from, full] = gripper.enabled();
         let fixed = FIXED.map(|(name, share)| (name, gripper.force_for(from + share * (full - from))));
@@ -76,10 +79,12 @@ impl GraspedObject {
             picked_up: force_n >= true_f_min_n,
             undamaged: force_n <= true_f_max_n,
         };
-        let policies = fixed.into_iter().chain([(GPROP, report.f_star_n)]);
+        let policies = fixed.into_iter().chain([(PAPER, report.f_star_n), (GPROP, report.force_n)]);
         Self {
             object: object.to_owned(),
             part: report.part.clone(),
+            force_n: report.force_n,
+            force_command: report.force_command,
             f_min_n: report.f_min_n,
             f_max_n: report.f_max_n,
             f_star_n: report.f_star_n,
@@ -117,22 +122,23 @@ impl Predicted {
 /// One line per object, and the values of the fixed forces; empty without objects.
 pub(super) fn table(objects: &[GraspedObject]) -> String {
     let Some(first) = objects.first() else { return String::new() };
-    let policies = FIXED.map(|(name, _)| name).into_iter().chain([GPROP]);
+    let policies = FIXED.map(|(name, _)| name).into_iter().chain([PAPER, GPROP]);
     let mut text = format!(
-        "{:<14} {:<14} {:>8} {:>8} {:>10} {:>8} {:>5} {:>9} {:>10}",
-        "object", "pressed on", "F_min N", "F* N", "F_max N", "command", "safe", "true min", "true max"
+        "{:<14} {:<14} {:>8} {:>8} {:>8} {:>10} {:>8} {:>5} {:>9} {:>10}",
+        "object", "pressed on", "force N", "F_min N", "F* N", "F_max N", "command", "safe", "true min", "true max"
     );
     policies.clone().for_each(|policy| text += &format!(" {policy:>8}"));
     for o in objects {
         let short = |name: &str| one_line(name).chars().take(14).collect::<String>();
         text += &format!(
-            "\n{:<14} {:<14} {:>8.2} {:>8.2} {:>10.1} {:>8.1} {:>5} {:>9.2} {:>10.1}",
+            "\n{:<14} {:<14} {:>8.2} {:>8.2} {:>8.2} {:>10.1} {:>8.1} {:>5} {:>9.2} {:>10.1}",
             short(&o.object),
             short(&o.truth.part),
+            o.force_n,
             o.f_min_n,
             o.f_star_n,
             o.f_max_n,
-            o.normalized_command,
+            o.force_command,
             if o.feasible { "yes" } else { "no" },
             o.true_f_min_n,
             o.true_f_max_n

@@ -29,6 +29,7 @@ pub fn write(text: &mut String, rigid: &Rigid) {
             float[] widths = [{diameter}, {diameter}] (
                 interpolation = "vertex"
             )
+            custom double gprop:force = {force}
             custom double gprop:forceMax = {f_max}
             custom double gprop:forceMin = {f_min}
             custom double gprop:forceStar = {f_star}
@@ -39,7 +40,7 @@ pub fn write(text: &mut String, rigid: &Rigid) {
 "#,
             number = n + 1,
             doc = quoted(&format!(
-                "Press on the {} here. Forces of one finger in N; position and orientation of a gripper whose z points at the \
+                "Press on the {} here. Press with gprop:force; forces are those of one finger in N. Position and orientation of a gripper whose z points at the \
                  object and whose y leads from finger to finger; width between the fingers in m",
                 grasp.part
             )),
@@ -52,6 +53,7 @@ pub fn write(text: &mut String, rigid: &Rigid) {
             ),
             points = list(grasp.contacts_m.iter().map(|c| triple(*c))),
             diameter = 2.0 * RADIUS,
+            force = grasp.force_n,
             f_max = grasp.f_max_n,
             f_min = grasp.f_min_n,
             f_star = grasp.f_star_n,

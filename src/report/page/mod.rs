@@ -16,8 +16,8 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use minijinja::value::Serde;
 use minijinja::{Value, context};
 
-use crate::grasp::GraspReport;
 use crate::grasp::candidates::Candidate;
+use crate::grasp::{ForceRule, GraspReport, Limit};
 use crate::materials::MaterialLibrary;
 use crate::materials::stats::Provenance;
 use crate::parts::Part;
@@ -30,6 +30,7 @@ use crate::words::part_name::part_name;
 
 use super::force_scale::force_scale;
 use super::style;
+use super::summary::bounds_in_words;
 use super::tables;
 use super::weighing::sentences;
 use super::{Cloud, Motion, Pictures, Report};
@@ -153,13 +154,11 @@ fn tiles(report: &Report) -> Vec<Value> {
         tiles.push(measured("volume", "cm³", parts.object.volume_m3, 1e6));
     }
     if let Some(grasp) = &report.grasp {
-        let bounds =
-            || format!("slips below {} N, damaged above {} N", significant(grasp.f_min_n), significant(grasp.f_max_n));
         tiles.push(match &grasp.infeasible {
             None if grasp.candidates.is_empty() => {
                 tile(&named("grip"), "no place".to_owned(), "no place was found where the fingers fit".to_owned())
             }
-            None => tile(&named("grip with"), format!("{} N", significant(grasp.f_star_n)), bounds()),
+            None => tile(&named("grip with"), format!("{} N", significant(grasp.force_n)), bounds_in_words(grasp)),
             Some(why) => tile(&named("grip"), "not safe".to_owned(), why.explanation.clone()),
         });
     }
@@ -251,16 +250,17 @@ fn css(color: [f32; 3]) -> String {
 }
 
 fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
-    let star = significant(grasp.f_star_n);
+    let force = significant(grasp.force_n);
     let sentence = match &grasp.infeasible {
         None if grasp.candidates.is_empty() => {
             "no place was found where the fingers fit; the warnings say why. The forces below are those for this part."
                 .to_owned()
         }
         None => format!(
-            "press with {star} N per finger (gripper {:?}, command {}). This holds the object without damaging the part.",
+            "press with {force} N per finger (gripper {:?}, command {}). This holds the object without damaging the part.{}",
             grasp.gripper,
-            significant(grasp.normalized_command),
+            significant(grasp.force_command),
+            reason_of_force(grasp),
         ),
         Some(why) => format!("{why}."),
     };
@@ -269,11 +269,35 @@ fn grasp(grasp: &GraspReport, pictures: &Pictures) -> Value {
         part => part_name(&grasp.part, &grasp.material),
         sentence,
         scale => force_scale(grasp),
-        star,
+        force,
+        star => significant(grasp.f_star_n),
+        hold => (grasp.f_hold_n > grasp.f_min_n).then(|| significant(grasp.f_hold_n)),
         f_min => significant(grasp.f_min_n),
         f_max => significant(grasp.f_max_n),
         picture => pictures.grasp.as_ref().map(|png| data_uri("image/png", png)),
         places => grasp.candidates.iter().enumerate().map(place_row).collect::<Vec<_>>(),
+    }
+}
+
+/// How the force to press with follows from the least one that holds.
+fn reason_of_force(grasp: &GraspReport) -> String {
+    let factor = significant(grasp.safety_factor);
+    match (grasp.force_rule, grasp.force_limited_by) {
+        (ForceRule::Paper, _) => " It is the paper's F*.".to_owned(),
+        (ForceRule::Safety, Limit::Safety) => {
+            format!(
+                " It is {factor} times the least force that holds the object; the paper's F* is {} N.",
+                significant(grasp.f_star_n)
+            )
+        }
+        (ForceRule::Safety, limit) => {
+            let bound = if limit == Limit::Gripper { "the gripper's range" } else { "F_max" };
+            format!(
+                " It would be {factor} times the least force that holds the object, {} N, but for {bound}; the paper's F* is {} N.",
+                significant(grasp.f_hold_n),
+                significant(grasp.f_star_n)
+            )
+        }
     }
 }
 
@@ -289,9 +313,10 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
             significant(place.width_m * 1e3),
             figures(place.thickness_m, 1e3).mid,
             significant(place.lever_m * 1e3),
+            significant(place.force_n),
             significant(place.f_min_n),
-            significant(place.f_star_n),
             significant(place.f_max_n),
+            significant(place.f_star_n),
             significant(place.torque_margin_n_m * 1e3),
         ],
     }
