@@ -20,7 +20,8 @@ use serde_json::{Value, json};
 use tempfile::TempDir;
 
 use crate::run::gprop;
-use crate::support::shared;
+use crate::support::browser::{Page, Point};
+use crate::support::{shared, stderr};
 
 fn fixture() -> &'static Path {
     Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/hammer"))
@@ -76,6 +77,87 @@ fn with_poses(change: impl Fn(Matrix4<f64>) -> Matrix4<f64>) -> TempDir {
     }
     std::fs::write(folder.path().join("transforms.json"), transforms.to_string()).unwrap();
     folder
+}
+
+/// On the page, the box is dragged in a drawing of the splat and on a photo, and typed; what it prints is an option.
+#[test]
+fn a_box_is_dragged_on_the_page() {
+    let folder = with_poses(|pose| pose);
+    let file = folder.path().join("page.html");
+    let output = gprop().arg("inspect").arg(folder.path()).arg("--html").arg(&file).output().unwrap();
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let Some(page) = Page::open("a_box_is_dragged_on_the_page", &format!("file://{}", file.display()), "#option")
+    else {
+        return;
+    };
+    let numbers = |text: &str| -> Vec<f64> {
+        let numbers = text.strip_prefix("--object-box=").unwrap().split([',', ':']);
+        numbers.map(|number| number.parse().unwrap()).collect()
+    };
+    let sides = || numbers(&page.text("#option"));
+    let whole = inspected(folder.path(), &Options::default());
+    let given = [whole.extent.min, whole.extent.max].concat();
+    let size = whole.extent.size;
+    let tolerance = 2e-3 * size.iter().copied().fold(0.0, f64::max);
+    assert!(sides().iter().zip(&given).all(|(side, value)| (side - value).abs() < tolerance), "{:?}", sides());
+
+    // A photo: the handle in the middle of the face with the largest x, half-way to the middle of the box.
+    let data: Value = serde_json::from_str(&page.text("#outline")).unwrap();
+    let photo = &data["photos"][0];
+    let number = |value: &Value| value.as_f64().unwrap();
+    let pixel = |point: [f64; 3]| {
+        let row = |n: usize| {
+            let row = &photo["camera_from_input"][n];
+            (0..3).map(|axis| number(&row[axis]) * point[axis]).sum::<f64>() + number(&row[3])
+        };
+        let depth = row(2);
+        [0, 1].map(|n| {
+            (number(&photo["focal"][n]) * row(n) / depth + number(&photo["center"][n])) / number(&photo["size"][n])
+        })
+    };
+    let middle: [f64; 3] = std::array::from_fn(|axis| whole.extent.min[axis] + 0.5 * size[axis]);
+    let face = [whole.extent.max[0], middle[1], middle[2]];
+    let inner = [middle[0] + 0.25 * size[0], middle[1], middle[2]];
+    let drag = |canvas: &str, places: [[f64; 2]; 2]| {
+        page.evaluate(&format!("document.querySelector('{canvas}').scrollIntoView({{ block: 'center' }})"));
+        let (corner, [width, height]) = page.content_box(canvas);
+        let [from, to] = places.map(|[x, y]| Point { x: corner.x + x * width, y: corner.y + y * height });
+        page.drag(from, to);
+    };
+    drag("figure:nth-of-type(1) canvas", [pixel(face), pixel(inner)]);
+    let after = sides();
+    // Along a line of sight, a pixel is worth more the farther it is; the handle follows to first order.
+    assert!((after[3] - inner[0]).abs() < 0.15 * size[0], "{after:?} instead of {inner:?}");
+    assert!([0, 1, 2, 4, 5].iter().all(|n| (after[*n] - given[*n]).abs() < tolerance), "{after:?}");
+
+    // A drawing of the splat, x to the right: the edge with the largest x, half-way to the middle of the box.
+    let spans = page.evaluate(
+        "(() => { const data = JSON.parse(document.getElementById('outline').textContent);
+           const points = new Float32Array(Uint8Array.from(atob(data.points), (c) => c.charCodeAt(0)).buffer);
+           const on = (axis) => [...points.filter((_, n) => n % 3 === axis), data.box.min[axis], data.box.max[axis]];
+           const span = (axis) => [Math.min(...on(axis)), Math.max(...on(axis))];
+           return JSON.stringify([span(0), span(1)]); })()",
+    );
+    let [[low, high], [lower, upper]]: [[f64; 2]; 2] = serde_json::from_str(spans.as_str().unwrap()).unwrap();
+    const SIZE: f64 = 480.0;
+    const MARGIN: f64 = 44.0;
+    let scale = (SIZE - MARGIN - 12.0) / (high - low).max(upper - lower);
+    let on_plan = |x: f64, y: f64| [(MARGIN + (x - low) * scale) / SIZE, (SIZE - MARGIN - (y - lower) * scale) / SIZE];
+    let end = [on_plan(after[3], middle[1]), on_plan(middle[0], middle[1])];
+    drag("figure:nth-last-of-type(3) canvas", end);
+    assert!((sides()[3] - middle[0]).abs() < 0.02 * size[0], "{:?}", sides());
+
+    page.evaluate(
+        "(() => { const side = document.querySelector('[data-end=max][data-axis=\"0\"]'); side.focus(); \
+         side.value = '0'; side.dispatchEvent(new Event('input')); })()",
+    );
+    let typed = page.text("#option");
+    assert_eq!(numbers(&typed)[3], 0.0_f64.max(numbers(&typed)[0]));
+    let output = gprop().arg("inspect").arg(folder.path()).args([&typed, "--json"]).output().unwrap();
+    let cut: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(cut["object_source"], "box");
+    assert!(cut["object_gaussians"].as_u64().unwrap() < whole.object_gaussians as u64);
+    assert!(page.complaints().is_empty(), "{:?}", page.complaints());
 }
 
 #[test]

@@ -8,6 +8,7 @@ frame. An estimate has three numbers, low, mid and high, along its last axis; wh
 """
 
 from ._errors import AnswerError, BatchError, BugError, Error, ModelError, SceneError, SceneWarning, UsageError
+from ._mesh import Mesh
 from ._options import AuditOptions, ExportOptions, MaterialsOptions, RunOptions
 from ._results import Result, load
 from ._running import audit, call, export, materials, run, run_all
@@ -20,6 +21,7 @@ __all__ = [
     "Error",
     "ExportOptions",
     "MaterialsOptions",
+    "Mesh",
     "ModelError",
     "Result",
     "RunOptions",

@@ -10,12 +10,15 @@ import stat
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ._options import FORMAT_VERSION
+
+if TYPE_CHECKING:
+    from ._mesh import Mesh
 
 _Shape = tuple[int, ...]
 #: Of each file of a stage, its length and SHA-256.
@@ -176,6 +179,17 @@ class Result:
         axes.set(xlabel="x", ylabel="y", zlabel="z")
         axes.legend(markerscale=6)
         return axes
+
+
+    def mesh(self) -> "Mesh":
+        """The closed surface of each part, as `gprop export --format glb` writes it.
+
+        The program makes it, with the options of the last run. Raises ValueError if the work folder does not lie in its scene, and
+        an `Error` if there are no volumes because the metric scale is unknown.
+        """
+        from ._mesh import exported
+
+        return exported(self.folder)
 
 
 def load(work: str | os.PathLike[str]) -> Result:

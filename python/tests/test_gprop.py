@@ -4,6 +4,7 @@ import doctest
 import hashlib
 import json
 import os
+import shutil
 import tempfile
 import tracemalloc
 import unittest
@@ -127,6 +128,10 @@ class Made(unittest.TestCase):
         axes = gprop.load(self.folder).plot()
         self.assertEqual([text.get_text() for text in axes.get_legend().get_texts()], ["a cup", "its lid"])
         self.assertEqual([len(cloud.get_offsets()) for cloud in axes.collections], [1, 2])
+
+    def test_a_mesh_needs_its_scene(self):
+        with self.assertRaisesRegex(ValueError, "is not in its scene"):
+            gprop.load(shutil.copytree(self.folder, self.folder.parent / "copied")).mesh()
 
     def test_bodies_that_are_written_as_parts_are_one_part(self):
         inertia = np.diag([0.001, 0.002, 0.003]).tolist()

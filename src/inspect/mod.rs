@@ -5,13 +5,15 @@
 //! 2. [`verdict`]: whether the photos fit their own cameras better than those of other views.
 //! 3. [`diagnose`]: if they do not, which conversion would make them fit: gsplat's, one of the usual ones, or any other
 //!    [`similarity`].
-//! 4. [`text`] and [`page`]: the result on one screen, or as a page with the pictures side by side.
+//! 4. [`text`] and [`page`]: the result on one screen, or as a page with the pictures side by side, on which a box around the object
+//!    can be dragged ([`outline`]).
 //!
 //! [`misfit()`] looks at a few views only; every run does that before anything else.
 
 mod compare;
 mod diagnose;
 mod misfit;
+mod outline;
 mod page;
 mod quaternions;
 mod similarity;
@@ -129,7 +131,8 @@ pub struct ViewFit {
 pub struct Args {
     /// Folder with a splat, and with photos and cameras if there are any; or a mesh.
     pub scene: PathBuf,
-    /// Also write a self-contained HTML page with photos and splat side by side.
+    /// Also write a self-contained HTML page: photos and splat side by side, and a box around the object to drag, which becomes
+    /// an --object-box.
     #[arg(long, value_name = "FILE")]
     pub html: Option<PathBuf>,
     #[command(flatten)]

@@ -1,5 +1,5 @@
 //! The inspection as one self-contained page, with photo and splat side by side, the foreground outlined and up drawn as an
-//! arrow.
+//! arrow. A box around the object can be dragged ([`outline`](super::outline)).
 
 use std::io::Cursor;
 
@@ -8,17 +8,19 @@ use base64::engine::general_purpose::STANDARD;
 use image::codecs::jpeg::JpegEncoder;
 use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, Rgb, RgbImage};
+use minijinja::value::Serde;
 use minijinja::{Value, context};
 use nalgebra::{Point3, Vector3};
 
 use super::compare::as_the_splat_shows;
+use super::outline::Outline;
 use super::{Inspection, text};
 use crate::camera::Camera;
 use crate::from_splat::photo_with_foreground;
 use crate::pictures::strokes;
 use crate::render::{RenderOptions, render};
+use crate::report::style;
 use crate::scene::{Scene, SceneError, View};
-use crate::words::html;
 use crate::words::output::one_line;
 
 /// Longest side of a picture in pixels: three fit side by side on a screen.
@@ -63,17 +65,24 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
         aligned => inspection.aligned,
         foreground => inspection.foreground.map(text::foreground),
         rows,
+        outline => Value::from(Serde(Outline::of(inspection, scene, views)?)),
+        outline_script => Value::from_safe_string(include_str!("outline.js").to_owned()),
     };
-    Ok(html::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant"))
+    Ok(style::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant"))
 }
 
 fn picture(picture: &RgbImage) -> Value {
     let factor = f64::from(LONGEST_SIDE) / f64::from(picture.width().max(picture.height()));
     let side = |length: u32| ((f64::from(length) * factor.min(1.0)).round() as u32).max(1);
     let small = resize(picture, side(picture.width()), side(picture.height()), FilterType::Triangle);
+    Value::from_safe_string(jpeg_url(&small))
+}
+
+/// The picture as the address of an image.
+pub(super) fn jpeg_url(picture: &RgbImage) -> String {
     let mut jpeg = Cursor::new(Vec::new());
-    JpegEncoder::new_with_quality(&mut jpeg, 85).encode_image(&small).expect("memory takes a picture of this size");
-    Value::from_safe_string(format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg.into_inner())))
+    JpegEncoder::new_with_quality(&mut jpeg, 85).encode_image(picture).expect("memory takes a picture of this size");
+    format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg.into_inner()))
 }
 
 /// The photo with the border of its foreground outlined, wide enough to be visible when the picture is shrunk.

@@ -52,7 +52,7 @@ fn gaussians(inspection: &Inspection) -> String {
     }
     match inspection.object_source {
         ObjectSource::Whole => {}
-        ObjectSource::Standing => text.push_str(&format!("; {object_gaussians} of the chosen object")),
+        ObjectSource::Standing => text.push_str(&format!("; {object_gaussians} of the object on the surface")),
         ObjectSource::Box => text.push_str(&format!("; {object_gaussians} in the box")),
         ObjectSource::Cluster => text.push_str(&format!("; {object_gaussians} in the cluster taken as the object")),
     }

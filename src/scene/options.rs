@@ -107,8 +107,8 @@ pub struct Options {
 
     /// Object to take of those on a table, by its number in `gprop objects`; `gprop run` also takes `all`
     ///
-    /// Its name, such as object_2, will do too. Its results go to WORK/objects/object_2. With `auto`, `gprop run` takes all
-    /// if there are several, and other commands take the densest cluster of Gaussians that the cameras look at
+    /// Its name, such as object_2, will do too. Its results go to WORK/objects/object_2. With `auto`, the only one is taken; if
+    /// there are several, `gprop run` takes all, and other commands the densest cluster of Gaussians that the cameras look at
     #[arg(long, value_name = "auto|all|N|NAME", default_value_t, overrides_with = "object_box")]
     pub object: ObjectChoice,
 

@@ -7,6 +7,7 @@ mod table;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::{Mutex, PoisonError};
 
 use clap::ValueEnum;
 use gprop::export::{ExportError, Format, Model, export};
@@ -96,6 +97,14 @@ pub fn python(script: &str, files: &[&Path]) -> Vec<Value> {
 /// What a script that reads a single file finds.
 fn python_of_one(script: &str, arguments: &[&Path]) -> Value {
     support::python(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/export").join(script), arguments)
+}
+
+/// Newton compiles its kernels when it first runs, which takes most of a minute, and keeps them: whoever comes next waits for them
+/// instead of compiling the same.
+fn newton(arguments: &[&Path]) -> Value {
+    static COMPILED: Mutex<()> = Mutex::new(());
+    let _turn = COMPILED.lock().unwrap_or_else(PoisonError::into_inner);
+    python_of_one("newton_check.py", arguments)
 }
 
 pub fn mujoco(what: &str, arguments: &[&Path]) -> Value {
@@ -282,7 +291,7 @@ fn newton_imports_the_usd_with_its_gaussians_and_it_comes_to_rest() {
         return;
     }
     let rigid = Rigid::of(&folders()[0]);
-    let found = python_of_one("newton_check.py", &[rigid.file(".usda")]);
+    let found = newton(&[rigid.file(".usda")]);
     println!("{found}");
     assert_eq!((&found["bodies"], &found["gaussians"]), (&json!(1), &json!(1)));
     assert!(found["colliders"].as_u64().unwrap() >= rigid.measured.parts().parts.len() as u64);

@@ -6,7 +6,7 @@ use std::process::Command;
 
 use serde_json::{Value, json};
 
-use super::{listed, mujoco, python, python_of_one};
+use super::{listed, mujoco, newton, python};
 use crate::query::{a, completion, good_answer_about_part};
 use crate::scene::objects::Table;
 use crate::support::server::{MockServer, Request, Response};
@@ -140,7 +140,7 @@ fn newton_keeps_the_objects_where_they_stand() {
         return;
     }
     let exported = Exported::get();
-    let found = python_of_one("newton_check.py", &[&exported.file("scene.usda"), Path::new("table")]);
+    let found = newton(&[&exported.file("scene.usda"), Path::new("table")]);
     // Of the brick, the cup and the surroundings.
     assert_eq!(found["gaussians"], 3, "{found}");
     // The solver lets contacts sink a little, and computes in 32 bits.

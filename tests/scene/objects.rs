@@ -246,6 +246,29 @@ fn what_the_cameras_look_at_may_stand_in_a_corner() {
     assert_eq!(found.object_of_gaussian, table.thing_of);
 }
 
+/// A doll on a bed whose cover wrinkles as high as its foot is: by height the foot is bed.
+#[test]
+fn what_sinks_into_a_bed_belongs_to_the_object() {
+    let wrinkled = |blob: Blob| {
+        let [x, y, _] = blob.position;
+        Blob { position: [x, y, 0.03 * (13.0 * x).sin() * (11.0 * y).cos()], scale: [0.025; 3], ..blob }
+    };
+    let body = block([-0.1, -0.2, 0.0], [0.1, 0.0, 0.3], [0.8, 0.3, 0.2]);
+    let foot = block([-0.1, 0.0, -0.025], [0.1, 0.2, 0.015], [0.2, 0.2, 0.9]);
+    let feet = body.len()..body.len() + foot.len();
+    let bed: Vec<Blob> = table_top(1.0).into_iter().map(wrinkled).collect();
+    let table = Table::with(together([(BRICK, body), (BRICK, foot), (NOTHING, bed)]));
+    let found = StandingObjects::find(table.path(), &Options::default()).unwrap();
+    assert_eq!(found.count, 1);
+    let missing = feet.clone().filter(|i| found.object_of_gaussian[*i] == NOTHING).count();
+    let of_bed = found.object_of_gaussian[feet.end..].iter().filter(|object| **object != NOTHING).count();
+    assert!(missing * 20 < feet.len(), "{missing} of {}", feet.len());
+    assert!(of_bed * 50 < found.object_of_gaussian.len() - feet.end, "{of_bed}");
+    // The only thing that stands there is what other commands take.
+    let scene = scene::load(table.path(), &options(&[]).unwrap()).unwrap();
+    assert_eq!(scene.object_source, ObjectSource::Standing);
+}
+
 #[test]
 fn one_object_is_a_scene_of_its_own() {
     let table = Table::new();

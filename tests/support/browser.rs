@@ -247,6 +247,14 @@ impl Page {
         }
     }
 
+    /// Presses the button at a point, moves to another and lets go.
+    pub fn drag(&self, from: Point, to: Point) {
+        self.move_mouse_to(from);
+        self.mouse("mousePressed", from, json!({ "button": "left", "clickCount": 1 }));
+        self.mouse("mouseMoved", to, json!({ "button": "left", "buttons": 1 }));
+        self.mouse("mouseReleased", to, json!({ "button": "left", "clickCount": 1 }));
+    }
+
     /// Clicks into the middle of an element.
     pub fn click(&self, selector: &str) {
         self.evaluate(&format!("document.querySelector({selector:?}).scrollIntoView({{ block: 'center' }})"));

@@ -28,7 +28,7 @@ pub enum ObjectSource {
     Whole,
     /// `--object-box`.
     Box,
-    /// `--object`: one of the things that stand on the support.
+    /// `--object`, or the only thing that stands on the support.
     Standing,
     /// The densest cluster that the cameras look at.
     Cluster,
@@ -84,17 +84,19 @@ pub(super) fn separate(gaussians: Gaussians, views: &[View], means: &Means) -> R
         _ => {}
     }
     let focus = Focus::of(&gaussians, &poses(views));
-    let standing = focus
-        .as_ref()
-        .zip(means.support)
-        .map_or(0, |(focus, support)| standing::find(&gaussians, focus, support).count);
-    let warning = (standing > 1).then(|| {
+    let standing = focus.as_ref().zip(means.support).map(|(focus, support)| standing::find(&gaussians, focus, support));
+    let cluster = focus.and_then(|focus| cluster::around(&focus, means.support, count));
+    if let Some(kept) = standing.as_ref().and_then(|standing| only_one(standing, cluster.as_deref())) {
+        let how = "of the one thing that stands on the surface (--object-box overrides)";
+        return Ok(split(gaussians, kept, ObjectSource::Standing, how));
+    }
+    let warning = standing.filter(|standing| standing.count > 1).map(|Standing { count, .. }| {
         format!(
-            "{standing} objects stand on the surface that the cameras look at, and this is the densest cluster of Gaussians; `gprop \
+            "{count} objects stand on the surface that the cameras look at, and this is the densest cluster of Gaussians; `gprop \
              objects SCENE` shows them, --object N takes one"
         )
     });
-    match focus.and_then(|focus| cluster::around(&focus, means.support, count)) {
+    match cluster {
         Some(kept) => {
             let how = "in the densest cluster that the cameras look at, since the photos have neither alpha nor masks \
                        (--object-box overrides)";
@@ -102,6 +104,17 @@ pub(super) fn separate(gaussians: Gaussians, views: &[View], means: &Means) -> R
         }
         None => Ok(whole(gaussians, "; the photos have neither alpha nor masks, and no cluster stands out")),
     }
+}
+
+/// The Gaussians of the one thing that stands on the support, if most of the densest cluster, if there is one, belongs to it: more
+/// exact than the cluster, which ends where the support begins.
+fn only_one(standing: &Standing, cluster: Option<&[bool]>) -> Option<Vec<bool>> {
+    let kept: Vec<bool> = standing.object_of_gaussian.iter().map(|object| *object == 1).collect();
+    let is_cluster = |cluster: &[bool]| {
+        let own = kept.iter().zip(cluster).filter(|(kept, in_cluster)| **kept && **in_cluster).count();
+        2 * own > cluster.iter().filter(|in_cluster| **in_cluster).count()
+    };
+    (standing.count == 1 && cluster.is_none_or(is_cluster)).then_some(kept)
 }
 
 /// What stands on the support, if there is one.
