@@ -8,12 +8,13 @@ use image::{Rgb, RgbImage};
 use nalgebra::{Isometry3, Matrix3x4, Point3};
 use serde::Serialize;
 
-use super::page::jpeg_url;
 use super::{Extent, Inspection};
 use crate::camera::{Camera, Intrinsics};
 use crate::gaussians::{Gaussians, SH_C0};
 use crate::numeric::evenly;
+use crate::pictures;
 use crate::scene::{Scene, SceneError, View};
+use crate::words::html::jpeg_url;
 
 /// Maximum number of photos on which the box is drawn.
 const MOST_PHOTOS: usize = 4;
@@ -98,7 +99,7 @@ fn pinhole(scene: &Scene, view: &View) -> Result<PinholePhoto, SceneError> {
     let pose: Matrix3x4<f64> = camera.camera_from_world.to_homogeneous().fixed_view::<3, 4>(0, 0).into_owned();
     Ok(PinholePhoto {
         name: view.name.clone(),
-        picture: jpeg_url(&picture),
+        picture: jpeg_url(&pictures::jpeg(&picture, LONGEST_SIDE).expect("memory takes a picture of this size")),
         size: [width, height],
         focal: [lens.fx, lens.fy],
         center: [lens.cx, lens.cy],
@@ -139,7 +140,7 @@ mod tests {
         };
         let straight = without_distortion(RgbImage::from_fn(SIDE, SIDE, dot), &lens);
         let at = [lens.fx * corner.x + lens.cx, lens.fy * corner.y + lens.cy].map(|place| place as u32);
-        assert!((at[0] as f64 - seen.x).abs() > 3.0, "the lens moves the dot");
+        assert!((f64::from(at[0]) - seen.x).abs() > 3.0, "the lens moves the dot");
         assert_eq!(straight.get_pixel(at[0], at[1])[0], 255);
         let bright = straight.enumerate_pixels().filter(|(_, _, pixel)| pixel[0] > 127);
         let off = bright.map(|(x, y, _)| x.abs_diff(at[0]).max(y.abs_diff(at[1]))).max();

@@ -1,12 +1,6 @@
 //! The inspection as one self-contained page, with photo and splat side by side, the foreground outlined and up drawn as an
 //! arrow. A box around the object can be dragged ([`outline`](super::outline)).
 
-use std::io::Cursor;
-
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
-use image::codecs::jpeg::JpegEncoder;
-use image::imageops::{FilterType, resize};
 use image::{DynamicImage, GrayImage, Rgb, RgbImage};
 use minijinja::value::Serde;
 use minijinja::{Value, context};
@@ -17,10 +11,11 @@ use super::outline::Outline;
 use super::{Inspection, text};
 use crate::camera::Camera;
 use crate::from_splat::photo_with_foreground;
-use crate::pictures::strokes;
+use crate::pictures::{self, strokes};
 use crate::render::{RenderOptions, render};
 use crate::report::style;
 use crate::scene::{Scene, SceneError, View};
+use crate::words::html::jpeg_url;
 use crate::words::output::one_line;
 
 /// Longest side of a picture in pixels: three fit side by side on a screen.
@@ -71,18 +66,10 @@ pub fn to_html(inspection: &Inspection, scene: &Scene, views: &[View]) -> Result
     Ok(style::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant"))
 }
 
+/// A picture's address.
 fn picture(picture: &RgbImage) -> Value {
-    let factor = f64::from(LONGEST_SIDE) / f64::from(picture.width().max(picture.height()));
-    let side = |length: u32| ((f64::from(length) * factor.min(1.0)).round() as u32).max(1);
-    let small = resize(picture, side(picture.width()), side(picture.height()), FilterType::Triangle);
-    Value::from_safe_string(jpeg_url(&small))
-}
-
-/// The picture as the address of an image.
-pub(super) fn jpeg_url(picture: &RgbImage) -> String {
-    let mut jpeg = Cursor::new(Vec::new());
-    JpegEncoder::new_with_quality(&mut jpeg, 85).encode_image(picture).expect("memory takes a picture of this size");
-    format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg.into_inner()))
+    let jpeg = pictures::jpeg(picture, LONGEST_SIDE).expect("memory takes a picture of this size");
+    Value::from_safe_string(jpeg_url(&jpeg))
 }
 
 /// The photo with the border of its foreground outlined, wide enough to be visible when the picture is shrunk.

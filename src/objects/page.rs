@@ -2,12 +2,11 @@
 
 use std::path::Path;
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD;
 use minijinja::{Value, context};
 
 use super::{Object, Objects};
 use crate::report::style;
+use crate::words::html::jpeg_url;
 use crate::words::output::one_line;
 use crate::words::readable::figures;
 use crate::workdir::Artifact;
@@ -34,7 +33,7 @@ pub fn html(objects: &Objects, photo: &[u8], root: &Path) -> String {
     let data = context! {
         name => one_line(&objects.name),
         shown_in => &objects.shown_in,
-        photo => Value::from_safe_string(format!("data:image/jpeg;base64,{}", STANDARD.encode(photo))),
+        photo => Value::from_safe_string(jpeg_url(photo)),
         rows => objects.objects.iter().map(row).collect::<Vec<_>>(),
         warnings => &objects.warnings,
     };

@@ -1,5 +1,7 @@
 //! The template engine of all pages: text from outside can neither end an element or a script nor hide how it reads.
 
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
 use minijinja::value::{Kwargs, Serde};
 use minijinja::{AutoEscape, Environment, Error, ErrorKind, Value, escape_formatter, filters};
 
@@ -16,6 +18,11 @@ pub fn engine() -> Environment<'static> {
     });
     engine.add_filter("tojson", data);
     engine
+}
+
+/// The address of a picture that is within the page.
+pub fn jpeg_url(jpeg: &[u8]) -> String {
+    format!("data:image/jpeg;base64,{}", STANDARD.encode(jpeg))
 }
 
 /// JSON for a page's script, which shows the strings in it.
