@@ -38,7 +38,7 @@ pub use error::BatchError;
 pub use ledger::Ledger;
 pub use options::Options;
 pub use outcome::{Outcome, State};
-pub use questions::{BatchQuestions, QuestionStep};
+pub use questions::BatchQuestions;
 pub use select::Selected;
 pub use shard::Shard;
 pub use summary::Summary;

@@ -8,8 +8,7 @@ use std::path::{Path, PathBuf};
 
 use crate::error::Result;
 use crate::files::write;
-use crate::pipeline::query_session::{self, QuerySession};
-use crate::pipeline::stages::query::session;
+use crate::pipeline::stages::query::session_of;
 use crate::pipeline::stages::subjects::FoundSubjects;
 use crate::pipeline::{self, Pipeline, Plan, Stage};
 use crate::query::ask::asker::Asker;
@@ -19,21 +18,13 @@ use crate::query::batch_api::{
 };
 use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::recorded::Recording;
+use crate::query::session::{self, QuerySession};
 use crate::query::{self, AnswerSource, Queries, QueryError, Sha256Hex};
 use crate::words::progress::Progress;
 use crate::workdir;
 
 use super::select::Selected;
 use super::{Batch, BatchError, Ledger, Outcome, State};
-
-/// The two halves of a submission.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum QuestionStep {
-    /// Segment all scenes and send the questions that are due.
-    Submit,
-    /// Fetch the answers and record them; needs the options given to `submit`.
-    Collect,
-}
 
 /// Scenes for which a step failed, with the reason.
 pub type Failures = Vec<(String, String)>;
@@ -64,7 +55,7 @@ impl<'a> BatchQuestions<'a> {
         let (key, network) =
             (ApiKey::from_environment(&options.query).map_err(ClientError::from)?, options.setup.network());
         let client = Client::new(&options.query, key, network, Progress::Hidden)?.ok_or(ClientError::NoUrl)?;
-        let budget = query::ask::budget::Budget::new(query_session::price(&options.query)?, options.query.max_usd);
+        let budget = query::ask::budget::Budget::new(session::price(&options.query)?, options.query.max_usd);
         let lock = Ledger::open(&batch.home(), batch.shard())?;
         Ok(Self { batch, client, answers: options.query.answers, budget, options_of, _lock: lock })
     }
@@ -236,7 +227,7 @@ impl<'a> BatchQuestions<'a> {
         pipeline.run()?;
         let open = pipeline.opened();
         let about = FoundSubjects::of(open)?;
-        let session = session(open, &about, &open.options.query)?;
+        let session = session_of(open, &about, &open.options.query)?;
         work(&session, &session.queries()?)
     }
 

@@ -10,12 +10,12 @@ use crate::consensus::AskAbout;
 use crate::error::{ErrorKind, Result, UsageError};
 use crate::local_server::{Event, LocalServer, Post, Site};
 use crate::materials::MaterialLibrary;
-use crate::pipeline::query_session::{ForPerson, QuerySession};
-use crate::pipeline::stages::query::session;
+use crate::pipeline::stages::query::session_of;
 use crate::pipeline::stages::subjects::FoundSubjects;
 use crate::pipeline::{Options, Pipeline, Stage};
 use crate::query::AnswerSource;
 use crate::query::exchange::{Form, Served};
+use crate::query::session::{ForPerson, QuerySession};
 use crate::units::Estimate;
 use crate::words::output::{agreeing, counted, one_line, tell};
 use crate::words::progress::{CancelToken, Progress};
@@ -115,7 +115,7 @@ impl Page {
     fn round(&mut self, pipeline: &Pipeline, weighed: &Weighed, pending: Vec<Pending>) -> Result<(Sitting, Next)> {
         let open = pipeline.opened();
         let about = FoundSubjects::of(open)?;
-        let session = session(open, &about, &open.options.query)?;
+        let session = session_of(open, &about, &open.options.query)?;
         let due = session.for_person(&mut self.form)?;
         let questions = due.queries.subjects.len() + due.queries.whole.len();
         let sitting = Sitting { answered: questions - due.open, questions, mass_kg: weighed.as_ref().ok().copied() };

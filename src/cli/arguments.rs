@@ -11,6 +11,7 @@ use crate::config::option_values::{self, from_to};
 use crate::evaluate::vocabulary::Vocabulary;
 use crate::pictures::figure::Shown;
 use crate::pipeline::{self, FieldFlags, Stage};
+use crate::query::batch_api;
 use crate::scene::SizedMarker;
 use crate::{audit, batch, export, inspect, materials, objects, scene, setup};
 
@@ -350,7 +351,7 @@ pub struct BatchArgs {
     /// Send the questions that are due in all scenes through OpenAI's Batch API (half the price, within a day), or
     /// collect the answers.
     #[arg(long, value_name = "STEP", conflicts_with = "dry_run")]
-    pub queries: Option<batch::QuestionStep>,
+    pub queries: Option<batch_api::Step>,
     #[command(flatten)]
     pub batch: batch::Options,
     #[command(flatten)]
@@ -404,7 +405,7 @@ pub struct QueryArgs {
     /// Send the questions that are due through OpenAI's Batch API (half the price, within a day), or collect the
     /// answers.
     #[arg(long, value_name = "STEP", group = "action")]
-    pub batch_api: Option<BatchApiStep>,
+    pub batch_api: Option<batch_api::Step>,
     /// Delete the scene's recordings that are not used with these options.
     #[arg(long, group = "action")]
     pub prune: bool,
@@ -433,15 +434,6 @@ pub struct AnswerArgs {
 pub enum Beside {
     /// A guess of the model that saw three photos and the outer size of the object.
     Direct,
-}
-
-/// The two halves of a submission through the Batch API.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub enum BatchApiStep {
-    /// Send the questions that are due.
-    Submit,
-    /// Fetch the answers and record them; needs the options given to `submit`.
-    Collect,
 }
 
 #[derive(Debug, Args)]

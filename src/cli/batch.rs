@@ -4,10 +4,11 @@ use std::path::Path;
 
 use serde::Serialize;
 
-use crate::batch::{Batch, BatchError, BatchQuestions, Outcome, QuestionStep, Shard, Standing, State, Summary, Task};
+use crate::batch::{Batch, BatchError, BatchQuestions, Outcome, Shard, Standing, State, Summary, Task};
 use crate::error::{Result, UsageError};
 use crate::pipeline::{self, Stage};
 use crate::query::AnswerSource;
+use crate::query::batch_api;
 use crate::query::client;
 use crate::words::output::one_line;
 use crate::words::progress::{self, Progress};
@@ -143,10 +144,10 @@ fn dry_run(global: &Global, batch: &Batch) -> Result<()> {
 fn check_from(args: &BatchArgs) -> Result<(), UsageError> {
     let problem = match (args.queries, args.from) {
         (None, from) => return scene::check_from(from, args.to),
-        (Some(QuestionStep::Submit), Some(from)) if from > Stage::Segment => {
+        (Some(batch_api::Step::Submit), Some(from)) if from > Stage::Segment => {
             format!("--queries submit can redo only scene and segment; leave out --from {}", from.name())
         }
-        (Some(QuestionStep::Collect), Some(from)) => {
+        (Some(batch_api::Step::Collect), Some(from)) => {
             format!("--queries collect runs no stage; leave out --from {}", from.name())
         }
         (Some(_), _) => return Ok(()),
@@ -154,14 +155,14 @@ fn check_from(args: &BatchArgs) -> Result<(), UsageError> {
     Err(UsageError(problem))
 }
 
-fn questions(global: &Global, step: QuestionStep, batch: &Batch, questions: &BatchQuestions) -> Result<()> {
+fn questions(global: &Global, step: batch_api::Step, batch: &Batch, questions: &BatchQuestions) -> Result<()> {
     let failures = match step {
-        QuestionStep::Submit => {
+        batch_api::Step::Submit => {
             let (sent, failures) = questions.submit()?;
             print(global, &sent, || sent.to_string())?;
             failures
         }
-        QuestionStep::Collect => {
+        batch_api::Step::Collect => {
             let (collected, failures) = questions.collect()?;
             print(global, &collected, || format!("{} recorded", counted(collected.recorded, "answer")))?;
             if failures.is_empty() {

@@ -9,10 +9,11 @@ use serde::Serialize;
 use crate::error::{Result, UsageError};
 use crate::pipeline::Stage;
 use crate::pipeline::picture::Picture;
-use crate::pipeline::query_session::{Pruned, QuerySession, write_sheets};
-use crate::pipeline::stages::query::{direct_session, session};
+use crate::pipeline::stages::query::{direct_session, session_of};
 use crate::pipeline::stages::subjects::FoundSubjects;
+use crate::query::batch_api;
 use crate::query::exchange::{BadLine, Imported};
+use crate::query::session::{Pruned, QuerySession, write_sheets};
 use crate::query::{DirectGuess, QueryError, WholeOutcome};
 use crate::scene::ObjectChoice;
 use crate::words::output::one_line;
@@ -20,7 +21,6 @@ use crate::words::readable::significant;
 use crate::words::shell;
 use crate::workdir::Artifact;
 
-use super::arguments::BatchApiStep;
 use super::{Global, QueryArgs, is_picture, print, shown};
 use super::{picture, scene};
 use crate::words::output::counted;
@@ -62,7 +62,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
             pipeline.run()?;
             let open = pipeline.opened();
             let about = FoundSubjects::of(open)?;
-            let session = session(open, &about, &open.options.query)?;
+            let session = session_of(open, &about, &open.options.query)?;
             run(global, &session, &action, &format!("gprop run {}", shell::path(&args.scene.scene)))
         }
         _ => scene::run(global, &args.scene.scene, &args.scene.work, Stage::Query),
@@ -124,8 +124,8 @@ fn action(args: &QueryArgs) -> Option<QueryAction<'_>> {
     match (&args.export, &args.import, args.batch_api) {
         (Some(folder), ..) => Some(QueryAction::Export(folder)),
         (_, Some(folder), _) => Some(QueryAction::Import(folder)),
-        (.., Some(BatchApiStep::Submit)) => Some(QueryAction::Submit),
-        (.., Some(BatchApiStep::Collect)) => Some(QueryAction::Collect),
+        (.., Some(batch_api::Step::Submit)) => Some(QueryAction::Submit),
+        (.., Some(batch_api::Step::Collect)) => Some(QueryAction::Collect),
         _ => args.prune.then_some(QueryAction::Prune),
     }
 }

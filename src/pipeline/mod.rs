@@ -8,7 +8,6 @@
 //! the next run can continue after a run that was killed. Stages with costly items (views, answers, frames) save each
 //! item with a checksum and resume where they were killed.
 
-mod batch_api;
 mod builder;
 pub mod compat;
 pub mod export;
@@ -17,7 +16,6 @@ pub(crate) mod options;
 pub mod picture;
 mod plan;
 mod preset;
-pub mod query_session;
 mod record;
 mod run;
 mod segment_files;

@@ -19,11 +19,11 @@ use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
 use super::hasher::{Hasher, file_digest};
 use super::options::Options;
-use super::query_session::{QuerySession, QueryView, Subjects, WholeViews, check_recordings, write_sheets};
 use super::segment_files::{
     SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, remove_other_formats, shows_only,
     stored_segments, write_other_formats,
 };
+use crate::query::session::{QuerySession, QueryView, Subjects, WholeViews, check_recordings, write_sheets};
 
 /// A picture being segmented and queried.
 pub struct Picture {

@@ -8,7 +8,7 @@ use crate::query::{AnswerSource, Answers, Context, Options};
 use crate::vote::{MaterialField, VoteError};
 
 use super::stages::OpenScene;
-use super::stages::query::session;
+use super::stages::query::session_of;
 use super::stages::subjects::FoundSubjects;
 use super::stages::vote::{elect, voters};
 
@@ -49,9 +49,9 @@ fn local_answers(open: &OpenScene, about: &FoundSubjects) -> Result<Option<Answe
     }
     let recorded = Options { answers: AnswerSource::Replay, lmm_url: None, ..open.options.query.clone() };
     let options = Options { context: Context::Local, ..recorded };
-    let session = session(open, about, &options)?;
+    let session = session_of(open, about, &options)?;
     let queries = session.queries()?;
-    match queries.unanswered(&session.recordings, None).len() {
+    match session.count_open(&queries) {
         0 => Ok(Some(session.answer_all(&|_| Ok(()))?.answers)),
         unanswered => {
             let (name, all) = (&open.scene.name, queries.subjects.len());

@@ -4,7 +4,8 @@
 //! [`ask::rounds`] decides what to ask next. [`Queries::prepare`] draws the [sheet](question::sheet)s and writes the [`question`]s.
 //! [`Queries::run`] is the stage: it takes answers from the [recordings](recorded) if there are any, asks an [asker](ask::asker)
 //! (the [`client`] of a server) for the rest, and checks every response against the [schema](question::schema) and the material library
-//! ([`answer`]). [`exchange`] exports the questions and imports the answers of people and other programs.
+//! ([`answer`]). [`exchange`] exports the questions and imports the answers of people and other programs. A [`session`] does all of
+//! this for one object.
 
 pub mod answer;
 pub mod ask;
@@ -15,6 +16,7 @@ pub mod exchange;
 mod options;
 pub mod question;
 pub mod recorded;
+pub mod session;
 
 pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};

@@ -6,8 +6,8 @@ use std::sync::{Arc, Mutex};
 
 use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
-use gprop::pipeline::query_session::{QuerySession, QueryView, Subjects, WholeViews};
 use gprop::query::ask::rounds::Subject;
+use gprop::query::session::{QuerySession, QueryView, Subjects, WholeViews};
 use gprop::query::{AnswerSource, Context, Options, QueryError};
 use gprop::words::progress::Progress;
 use gprop::workdir::WorkDir;

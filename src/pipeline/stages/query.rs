@@ -29,9 +29,7 @@ use super::subjects::FoundSubjects;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, shared_scale};
 use crate::pictures::framing;
 use crate::pipeline::hasher::{Hasher, file_digest};
-use crate::pipeline::query_session::{
-    self, Answered, QuerySession, QueryView, Subjects, WholeViews, whole_sheet, write_sheets,
-};
+use crate::query::session::{self, Answered, QuerySession, QueryView, Subjects, WholeViews, whole_sheet, write_sheets};
 
 /// The content of `size.json`.
 #[derive(Serialize, Deserialize)]
@@ -55,18 +53,18 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
     // The content of these files and folders counts, not how their paths are written.
     let labels = options.labels.clone().filter(|labels| !matches!(labels, LabelSet::File(_)));
     let without_paths = Options { prompts: None, recordings: None, lmm_body: None, labels, ..options.clone() };
-    let candidates = query_session::candidates(options, &open.library)?;
+    let candidates = session::candidates(options, &open.library)?;
     let mut hasher = inputs
         .with_json(&without_paths)
         .with_json(&open.options.consensus)
         .with_json(&candidates.families())
         .with_json(&candidates.materials())
         .with_json(&open.library.fillings())
-        .with_json(&query_session::prompts(options)?.sha256());
+        .with_json(&session::prompts(options)?.sha256());
     if let Some(fields) = &options.lmm_body {
         hasher = hasher.with(&file_digest(fields).unwrap_or_default());
     }
-    for folder in query_session::recording_folders(options, open.home_of_recordings()) {
+    for folder in session::recording_folders(options, open.home_of_recordings()) {
         for path in recordings_in(&folder) {
             hasher = hasher
                 .with(path.file_name().unwrap_or_default().as_encoded_bytes())
@@ -79,7 +77,7 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
 fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let work = &open.work;
     let about = FoundSubjects::of(open)?;
-    let session = session(open, &about, &open.options.query)?;
+    let session = session_of(open, &about, &open.options.query)?;
     let Answered { mut answers, size: file, mut recognition } =
         session.answer_with_size(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer))?;
     settle(answers.all.iter_mut().map(|answer| &mut answer.outcome));
@@ -195,7 +193,7 @@ impl Stored for Answers {
 }
 
 /// The queries of the chosen views, under `options`, which need not be the run's; the parts must have been found.
-pub fn session<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a Options) -> Result<QuerySession<'a>> {
+pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'a Options) -> Result<QuerySession<'a>> {
     let views =
         open.views.iter().enumerate().map(|(number, view)| {
             Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: about.maps(number) })
@@ -234,7 +232,7 @@ pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
 
 fn asking<'a>(open: &'a OpenScene, options: &'a Options, subjects: Subjects<'a>) -> Result<QuerySession<'a>> {
     let (home, network) = (open.home_of_recordings(), open.options.setup.network());
-    query_session::check_recordings(options, home, &open.work, open.options.scene.read_scope(home))?;
+    session::check_recordings(options, home, &open.work, open.options.scene.read_scope(home))?;
     QuerySession::new(options, subjects, &open.library, home, &open.work, network, open.progress())
 }
 
@@ -270,7 +268,7 @@ fn hints(open: &OpenScene, options: &Options) -> Option<String> {
 /// Estimates what a query would send, and its cost.
 pub fn preview(open: &OpenScene) -> Result<Preview> {
     let about = FoundSubjects::of(open)?;
-    let session = session(open, &about, &open.options.query)?;
+    let session = session_of(open, &about, &open.options.query)?;
     Ok(session.preview(&session.queries()?))
 }
 

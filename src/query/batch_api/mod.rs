@@ -39,6 +39,15 @@ pub use submission::{Submission, check_submission};
 const MAX_REQUESTS: usize = 50_000;
 const MAX_BYTES: usize = 190_000_000;
 
+/// The two halves of a submission through the Batch API.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum Step {
+    /// Segment what is not segmented yet, and send the questions that are due.
+    Submit,
+    /// Fetch the answers and record them; needs the options given to `submit`.
+    Collect,
+}
+
 /// One question to be sent in a job.
 #[derive(Debug, Clone, PartialEq)]
 pub struct JobRequest {

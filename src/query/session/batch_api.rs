@@ -9,7 +9,7 @@ use crate::query::client::{Client, ClientError};
 use crate::query::{Queries, QueryError};
 use crate::workdir::Artifact;
 
-use super::query_session::QuerySession;
+use super::QuerySession;
 
 impl QuerySession<'_> {
     /// Sends the questions that are neither recorded nor in progress. The first question is asked at once: a wrong key

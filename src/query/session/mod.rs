@@ -1,0 +1,287 @@
+//! The questions about one object or picture, from its views to the answers: what is due, what it would cost, asking, and what
+//! people and other programs answer.
+//!
+//! 1. [`set_up`]: recordings, prompts, materials and the price of the model, by the options.
+//! 2. [`questions`]: those that are due, with their sheets.
+//! 3. [`answers`]: asks them round by round; [`batch_api`] submits them instead and collects the answers later.
+
+mod answers;
+mod batch_api;
+mod questions;
+mod set_up;
+
+use std::borrow::Cow;
+use std::path::{Path, PathBuf};
+
+use serde::Serialize;
+
+use crate::consensus::AskAbout;
+use crate::error::{Result, UsageError};
+use crate::materials::MaterialLibrary;
+use crate::query::ask::cost::Price;
+use crate::query::ask::rounds::{Subject, SubjectInView};
+use crate::query::ask::{direct, recognition, size};
+use crate::query::client::{ApiKey, Client, ClientError};
+use crate::query::exchange::{self, Form, Imported};
+use crate::query::recorded::Recordings;
+use crate::query::{
+    Answers, AnyWholeQuestion, DirectGuess, ObjectAnswers, Options, Prompts, Purpose, Queries, Recognition, Region,
+    Side, Size, WHOLE, WholeAnswer, WholeQuestion,
+};
+use crate::scene::Photo;
+use crate::segment::LabelMap;
+use crate::setup::Offline;
+use crate::words::progress::Progress;
+use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
+
+use set_up::{RECORDINGS, SPARE_RECORDINGS};
+pub use set_up::{candidates, check_recordings, price, prompts, recording_folders};
+
+/// Views, with the options for asking about them.
+pub struct QuerySession<'a> {
+    options: &'a Options,
+    views: Vec<QueryView<'a>>,
+    subjects: Vec<Subject>,
+    /// Number of views in which each subject is asked about first.
+    ask_views: usize,
+    about: AskAbout,
+    whole: AboutWhole,
+    regions: Vec<Region>,
+    prompts: Prompts,
+    /// The materials to choose from.
+    library: Cow<'a, MaterialLibrary>,
+    /// The price of the model, if known.
+    price: Option<Price>,
+    own_recordings: PathBuf,
+    recordings: Recordings,
+    client: Option<Client>,
+    work: &'a WorkDir,
+    progress: Progress<'a>,
+}
+
+/// The subjects that a session asks about.
+pub struct Subjects<'a> {
+    pub views: Vec<QueryView<'a>>,
+    pub subjects: Vec<Subject>,
+    /// Number of views in which each subject is asked about first.
+    pub ask_views: usize,
+    pub about: AskAbout,
+    pub whole: WholeViews,
+    /// Every part and piece, if it is asked what the object is.
+    pub regions: Vec<Region>,
+}
+
+/// The views, by index, in which questions about the whole object are asked; none where a question is not to be asked.
+#[derive(Default)]
+pub struct WholeViews {
+    /// How long it is.
+    pub size: Option<usize>,
+    /// What it is: the regions to number are those of the last label map of each view.
+    pub recognition: Vec<usize>,
+    /// How heavy it is.
+    pub direct: Vec<usize>,
+    /// The outer size of the object in words, if it is known.
+    pub outer_size: Option<String>,
+    /// What else the question about what it is tells, in words.
+    pub hints: Option<String>,
+}
+
+/// The questions about the whole object that are to be asked.
+struct AboutWhole {
+    size: Option<WholeQuestion<Size>>,
+    recognition: Option<WholeQuestion<Recognition>>,
+    direct: Option<WholeQuestion<DirectGuess>>,
+}
+
+/// Everything that was answered.
+pub struct Answered<T> {
+    pub answers: Answers,
+    /// What follows from the size of the object, if that was to be asked.
+    pub size: Option<T>,
+    /// What the object is, if that was to be asked.
+    pub recognition: Option<WholeAnswer<ObjectAnswers>>,
+}
+
+/// The questions for a person.
+pub struct ForPerson<'a> {
+    /// Those whose answers are recorded and those that are then due.
+    pub queries: Queries<'a>,
+    /// Number of those without a recorded answer.
+    pub open: usize,
+    /// The form's questions that have a recorded answer, by name.
+    pub recorded: Vec<String>,
+    /// Number of parts that are asked about.
+    pub parts: usize,
+    /// Number of these that have no answer in any view.
+    pub without_answer: usize,
+}
+
+/// A view of a session.
+pub struct QueryView<'a> {
+    pub name: &'a str,
+    pub photo: Photo,
+    /// Label maps of the photo's size: one of segments, or one of parts and one of their pieces. Each question is about an
+    /// id, in the first map that contains it.
+    pub maps: Vec<Cow<'a, LabelMap>>,
+}
+
+/// The result of `--prune`.
+#[derive(Debug, Serialize)]
+pub struct Pruned {
+    pub kept: usize,
+    pub removed: usize,
+}
+
+impl<'a> QuerySession<'a> {
+    /// A session about the subjects, with recordings in `home` and in the folder that the options name.
+    pub fn new(
+        options: &'a Options,
+        Subjects { views, subjects, ask_views, about, whole, regions }: Subjects<'a>,
+        library: &'a MaterialLibrary,
+        home: &Path,
+        work: &'a WorkDir,
+        network: Result<(), Offline>,
+        progress: Progress<'a>,
+    ) -> Result<Self> {
+        let folders = recording_folders(options, home);
+        let (write_to, read_from) = folders.split_last().expect("the home's folder is always among them");
+        if options.recordings.is_none() {
+            workdir::refuse_link(write_to, "--recordings")?;
+        }
+        let spare = work.root().join(SPARE_RECORDINGS);
+        workdir::refuse_link(&spare, "--out")?;
+        let read_from: Vec<&Path> = read_from.iter().map(PathBuf::as_path).collect();
+        let prompts = prompts(options)?;
+        let library = candidates(options, library)?;
+        let whole = AboutWhole::new(&whole, &views, &prompts, &library, options)?;
+        Ok(Self {
+            options,
+            whole,
+            views,
+            subjects,
+            ask_views,
+            about,
+            regions,
+            prompts,
+            library,
+            price: price(options)?,
+            own_recordings: home.join(RECORDINGS),
+            recordings: Recordings::open(&read_from, write_to)?.with_spare(&spare)?,
+            client: Client::new(
+                options,
+                ApiKey::from_environment(options).map_err(ClientError::from)?,
+                network,
+                progress.on_stderr(),
+            )?,
+            work,
+            progress,
+        })
+    }
+
+    /// Writes the questions that have no recorded answer, with everything needed to answer them, into a new folder;
+    /// returns their number.
+    pub fn export(&self, folder: &Path) -> Result<usize> {
+        // Whoever will answer, it is not the server.
+        let queries = self.queries_for(None)?;
+        let open = queries.unanswered(&self.recordings, None);
+        Ok(exchange::export(folder, &open, &self.library, &|shown| self.part_of(shown))?)
+    }
+
+    /// Checks a person's answer to a question of the form, and records it.
+    ///
+    /// # Returns
+    /// The problem with the answer, if it cannot be recorded.
+    pub fn record(&self, line: &[u8], form: &Form, queries: &Queries) -> Result<Result<(), String>> {
+        Ok(exchange::record(line, form, queries, &self.recordings)?)
+    }
+
+    /// The materials that an answer may name.
+    pub fn library(&self) -> &MaterialLibrary {
+        &self.library
+    }
+
+    /// Checks the answers in a folder that [`Self::export`] wrote, and records the valid ones.
+    pub fn import(&self, folder: &Path) -> Result<Imported> {
+        let model = self.options.lmm_model.as_deref();
+        Ok(exchange::import(folder, model, &self.queries()?, &self.recordings)?)
+    }
+
+    /// Removes recordings from the views' own folder that none of their questions uses with these options, whoever
+    /// answered. A folder given with `--recordings` may be used by other scenes too and is not changed.
+    pub fn prune(&self) -> Result<Pruned> {
+        let folder = &self.own_recordings;
+        if folder.is_symlink() {
+            let problem = "is a link, and --prune deletes nothing through links; delete the recordings in its target \
+                           yourself, or replace the link by the folder";
+            return Err(UsageError(format!("{folder:?} {problem}")).into());
+        }
+        let own = Recordings::open(&[], &self.own_recordings)?;
+        let mut all: Vec<SubjectInView> = self.subjects.iter().flat_map(Subject::all).collect();
+        all.sort_unstable();
+        let used = Queries { whole: self.whole.all().collect(), ..self.prepare(&all)? }.used(&own);
+        let (kept, useless): (Vec<_>, Vec<_>) = own.keys().into_iter().partition(|key| used.contains(key));
+        for key in &useless {
+            own.remove(key)?;
+        }
+        Ok(Pruned { kept: kept.len(), removed: useless.len() })
+    }
+
+    fn price(&self) -> Option<&Price> {
+        self.price.as_ref()
+    }
+}
+
+impl AboutWhole {
+    fn new(
+        asked: &WholeViews,
+        views: &[QueryView],
+        prompts: &Prompts,
+        library: &MaterialLibrary,
+        options: &Options,
+    ) -> Result<Self> {
+        let side = |view: &usize| -> Side<'_> {
+            let QueryView { name, photo, maps } = &views[*view];
+            Side { view: name, photo, map: maps.last().map(AsRef::as_ref) }
+        };
+        let size = asked.size.map(|view| size::question(views[view].name, &views[view].photo, prompts, options));
+        let outer_size = asked.outer_size.as_deref();
+        let sides: Vec<Side> = asked.recognition.iter().map(side).collect();
+        let recognition = (!sides.is_empty()).then(|| {
+            let mut numbers: Vec<u16> = sides.iter().filter_map(|side| side.map).flat_map(LabelMap::ids).collect();
+            numbers.sort_unstable();
+            numbers.dedup();
+            let told = recognition::Told { outer_size, hints: asked.hints.as_deref() };
+            recognition::question(&sides, numbers, told, prompts, library.clone(), options)
+        });
+        let sides: Vec<Side> = asked.direct.iter().map(side).collect();
+        let direct = (!sides.is_empty()).then(|| direct::question(&sides, outer_size, prompts, options));
+        Ok(Self { size: size.transpose()?, recognition: recognition.transpose()?, direct: direct.transpose()? })
+    }
+
+    fn all(&self) -> impl Iterator<Item = &dyn AnyWholeQuestion> {
+        let size = self.size.iter().map(|question| question as &dyn AnyWholeQuestion);
+        let recognition = self.recognition.iter().map(|question| question as &dyn AnyWholeQuestion);
+        let direct = self.direct.iter().map(|question| question as &dyn AnyWholeQuestion);
+        size.chain(recognition).chain(direct)
+    }
+}
+
+/// Writes the sheet of every question.
+pub fn write_sheets(work: &WorkDir, queries: &Queries) -> Result<(), WorkDirError> {
+    for subject in &queries.subjects {
+        work.write(Artifact::Sheet(&subject.view, subject.id), &subject.jpeg)?;
+    }
+    for whole in &queries.whole {
+        work.write(whole_sheet(whole.purpose(), &whole.shown().view), &whole.shown().jpeg)?;
+    }
+    Ok(())
+}
+
+/// The file with the sheet of a question about the whole object, which shows it first in `view`.
+pub fn whole_sheet(purpose: Purpose, view: &str) -> Artifact<'_> {
+    match purpose {
+        Purpose::Size => Artifact::Sheet(view, WHOLE),
+        Purpose::Recognition => Artifact::ObjectSheet,
+        Purpose::DirectGuess => Artifact::DirectSheet,
+    }
+}
