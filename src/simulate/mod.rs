@@ -44,7 +44,7 @@ use frames::ToWorld;
 use material::Material;
 use object::{Bodies, Object};
 pub use options::{Fillings, Ground, Options, SCENE_KEYS};
-pub use report::{RigidReport, SimulationReport, StepReport};
+pub use report::{FilledReport, RigidReport, SimulationReport, StepReport};
 use rigid::body::Body;
 use setup::Setup;
 pub use setup::{ASSUMED_LONGEST_SIDE_M, script_of, simulated};
