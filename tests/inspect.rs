@@ -190,13 +190,15 @@ fn the_plush_and_not_the_room_is_the_object() {
         Options { view_list: vec!["20240212_003927".to_owned(), "20240212_004018".to_owned()], ..Options::default() };
     let found = inspected(&folder, &options);
     println!("{}", to_text(&found));
-    assert_eq!((found.aligned, found.object_source), (Some(true), ObjectSource::Cluster));
+    assert_eq!((found.aligned, found.object_source), (Some(true), ObjectSource::Standing));
     assert_eq!(found.foreground, Some(ForegroundSource::Gaussians));
     let share = found.object_gaussians as f64 / found.gaussians as f64;
     assert!((0.1..0.6).contains(&share), "{share}");
     // By eye the plush stands within x -2.6 to 1.2, y -1.1 to 2.4 of the scene; the room reaches 3 to 10 times as far.
     let size = found.extent.size;
     assert!(size.iter().all(|side| (1.0..4.5).contains(side)), "{size:?}");
+    // Its shoes sink into the bed, and the plane of the bed ends above them, at y 2.2.
+    assert!(found.extent.max[1] > 2.35, "{:?}", found.extent);
 }
 
 /// Inspects the broken scene, follows the suggestion, and inspects again.
