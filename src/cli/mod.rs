@@ -32,7 +32,7 @@ use serde::Serialize;
 
 use crate::error::{Error, Result, UsageError};
 use crate::links::is_container;
-use crate::pipeline::{self, Preset, Stage, THREADS, known_flags};
+use crate::pipeline::{self, OBJECT, Preset, Stage, THREADS, flags_of_scene, known_flags};
 use crate::scene::ObjectChoice;
 use crate::scene::mesh::is_mesh;
 use crate::words::output;
@@ -82,7 +82,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
             }
             let run = objects::Run { to: args.to, simulates: !args.no_simulate, for_python: args.for_python };
             // A scene of a batch is one object.
-            let run_scene = if args.end_with_stdin { objects::run_one } else { objects::run };
+            let run_scene = if global.is_in_batch { objects::run_one } else { objects::run };
             run_scene(global, &args.scene.scene, &args.scene.work, run)
         }
         Command::Report(args) => view::report(global, args),
@@ -152,6 +152,7 @@ fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> Result<Cli> {
     let mut cli = Cli::from_arg_matches(&matches)?;
     stages.effective = matches.subcommand().map_or_else(Vec::new, |(_, matches)| stage_flags(matches));
     cli.global.flags = stages;
+    cli.global.is_in_batch = matches!(&cli.command, Command::Run(args) if args.end_with_stdin);
     Ok(cli)
 }
 
@@ -180,7 +181,8 @@ fn insert_flags(typed: &[OsString], user_file: Option<&Path>) -> Result<Inserted
     let scene = matches.try_get_one::<PathBuf>("scene").ok().flatten();
     let none = || Ok(config::FileFlags::default());
     let mut user = user_file.map_or_else(none, |path| config::flags_of_user(path, &known))?;
-    let in_scene = scene.map_or_else(none, |scene| config::flags_of_scene(scene, &known))?;
+    let object = matches.try_get_one(OBJECT).ok().flatten().filter(|_| is_typed(matches, OBJECT)).copied();
+    let in_scene = scene.map_or_else(none, |scene| flags_of_scene(scene, object, &known))?;
     user.yield_to(&in_scene);
     let (mut of_user, mut of_scene) = (user.flags.clone(), in_scene.flags.clone());
     let mut of_last_run =
@@ -249,10 +251,15 @@ fn drop_replaced_parameters(mut lists: [&mut Vec<OsString>; 3], typed: &[OsStrin
     }
 }
 
+/// True if the option of this name was given on the command line.
+fn is_typed(matches: &clap::ArgMatches, name: &str) -> bool {
+    matches.value_source(name) == Some(ValueSource::CommandLine)
+}
+
 /// The preset that the command line names, or else the first of these lists of flags that names one.
 fn preset(matches: &clap::ArgMatches, lists: [&[OsString]; 2]) -> Preset {
     if let Ok(Some(named)) = matches.try_get_one::<Preset>("preset")
-        && matches.value_source("preset") == Some(ValueSource::CommandLine)
+        && is_typed(matches, "preset")
     {
         return *named;
     }

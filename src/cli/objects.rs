@@ -10,7 +10,7 @@ use crate::exit;
 use crate::export::{Body, ExportError, Format, Table, compose};
 use crate::objects::{self, Objects, SomeFailed};
 use crate::parts::MassReading;
-use crate::pipeline::{Options, Stage, work_folder_of};
+use crate::pipeline::{OBJECT, Options, Stage, corrections_file, work_folder_of};
 use crate::scene::{ObjectChoice, ObjectNumber, Plane, ScaleChoice, SceneError, StandingObjects};
 use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
@@ -28,9 +28,6 @@ pub struct Run {
     /// Set if the Python module runs it.
     pub for_python: Option<ForPython>,
 }
-
-/// The name of the option that chooses an object.
-const OBJECT: &str = "object";
 
 /// `gprop objects`.
 pub fn list(global: &Global, args: &objects::Args) -> Result<()> {
@@ -79,7 +76,8 @@ pub fn run_one(global: &Global, folder: &Path, work: &WorkArgs, run: Run) -> Res
 }
 
 /// What is true of one object is not taken for true of all.
-fn refuse_options_of_one_object(options: &Options, count: usize) -> Result<()> {
+fn refuse_options_of_one_object(folder: &Path, options: &Options, count: usize) -> Result<()> {
+    let file_of = |object: ObjectChoice| corrections_file(folder, object);
     match options.parts.known_mass {
         Some(MassReading { object: None, kg }) => Err(UsageError(format!(
             "--known-mass is the mass of one object; say of which, such as --known-mass 2={kg}"
@@ -88,10 +86,12 @@ fn refuse_options_of_one_object(options: &Options, count: usize) -> Result<()> {
         Some(MassReading { object: Some(given), .. }) if given.get() as usize > count => {
             Err(SceneError::NoSuchObject { given, count }.into())
         }
-        _ if !options.vote.correct.is_empty() => Err(UsageError(
-            "corrections (--correct, or [part.NAME] in gprop.toml) are about the parts of one object; say of which with --object N"
-                .to_owned(),
-        )
+        _ if !options.vote.correct.is_empty() => Err(UsageError(format!(
+            "corrections (--correct, [part.NAME] in gprop.toml, or {:?}) are about the parts of one object; say of which with \
+             --object N, or write them into {:?} and the like",
+            file_of(ObjectChoice::All),
+            file_of(ObjectNumber::first(1).next().map_or(ObjectChoice::All, ObjectChoice::One))
+        ))
         .into()),
         _ => Ok(()),
     }
@@ -111,17 +111,18 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
         scene::check_without_simulation(run.to)?;
     }
     found.require_any()?;
-    refuse_options_of_one_object(&work.options, found.count)?;
+    refuse_options_of_one_object(folder, &work.options, found.count)?;
     let numbers = in_order(&work.options, found.count);
     global.progress().line(&format!(
         "{} on the surface; each is run by itself (--object N runs one, `gprop objects` shows them)",
         counted(found.count, "object")
     ));
-    let each =
-        |number: ObjectNumber| Each { global: for_object(global, number), work: share(work, number, found.count) };
+    let each = |number: ObjectNumber| -> Result<Each> {
+        Ok(Each { global: for_object(global, number), work: share(folder, work, number, found.count)? })
+    };
     if work.dry_run {
         let dry_run = |number: &ObjectNumber| {
-            let Each { global, work } = each(*number);
+            let Each { global, work } = each(*number)?;
             Ok((number.to_string(), scene::dry_run(&global, folder, &work, run.to, run.simulates)?))
         };
         let all = numbers.iter().map(dry_run).collect::<Result<Vec<_>>>()?;
@@ -140,7 +141,7 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
             if errors[index].is_some() {
                 continue;
             }
-            let Each { global: own, work } = each(number);
+            let Each { global: own, work } = each(number)?;
             own.progress().line(&number.to_string());
             if let Err(error) = run_object(&own, folder, &WorkArgs { from: pass.from, ..work }, pass.run) {
                 if ends_all(&error) {
@@ -200,11 +201,10 @@ fn ends_all(error: &Error) -> bool {
 }
 
 /// The options for one object: the budget is shared out among all.
-fn share(work: &WorkArgs, number: ObjectNumber, count: usize) -> WorkArgs {
-    let mut work = work.clone();
-    work.options.scene.object = ObjectChoice::One(number);
+fn share(folder: &Path, work: &WorkArgs, number: ObjectNumber, count: usize) -> Result<WorkArgs> {
+    let mut work = WorkArgs { options: work.options.clone().of_object(folder, number)?, ..work.clone() };
     work.options.query.max_usd = work.options.query.max_usd.map(|usd| usd / count as f64);
-    work
+    Ok(work)
 }
 
 /// The flags as if the user had chosen this object: later commands on its work folder go on from them.
@@ -227,11 +227,10 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     let formats = scene::formats(args)?;
     let found = StandingObjects::find(&args.scene, &args.options.scene)?;
     found.require_any()?;
-    refuse_options_of_one_object(&args.options, found.count)?;
+    refuse_options_of_one_object(&args.scene, &args.options, found.count)?;
     let mut objects = BTreeMap::new();
     for number in in_order(&args.options, found.count) {
-        let mut options = args.options.clone();
-        options.scene.object = ObjectChoice::One(number);
+        let options = args.options.clone().of_object(&args.scene, number)?;
         let own = for_object(global, number);
         let exported = scene::export_one(&own, args, &options).with_context(|| number.to_string())?;
         objects.insert(number, exported);

@@ -5,6 +5,9 @@
 //! definition, one default and one check, wherever it is set. A switch has no flag that turns it off, so one that the
 //! scene's file sets to false is [removed](FileFlags::yield_to) from those of the user.
 //!
+//! Beside `gprop.toml` may lie a file with corrections of parts alone, which the report writes: a file that is only saved
+//! cannot clash with what another file says of the same part.
+//!
 //! A scene folder may come from anyone, so its file is treated as data and not as a program: each stage lists beside
 //! its options the [keys that a scene may set](SceneKey), and any other key is refused. Paths are relative to the file
 //! that names them; those of a scene must stay inside its folder.
@@ -20,6 +23,7 @@ use std::path::{Component, Path, PathBuf};
 
 use serde::{Serialize, Serializer};
 use thiserror::Error;
+use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::files::read_scope::ReadScope;
@@ -63,6 +67,11 @@ pub enum ConfigError {
         "{path:?} line {line}: `{key}` corrects a part: give it a table with keys such as material = \"steel\" or wall = \"3mm\""
     )]
     NoCorrection { path: PathBuf, line: usize, key: String },
+    #[error(
+        "{path:?} line {line}: `{key}` is no correction; this file holds only tables such as [part.head], and other options \
+         belong in {FILE_NAME}"
+    )]
+    OnlyCorrections { path: PathBuf, line: usize, key: String },
     #[error("{path:?} line {line}: `{key}` takes one string or number")]
     NotOneValue { path: PathBuf, line: usize, key: String },
     #[error("{path:?} line {line}: {problem}")]
@@ -208,15 +217,21 @@ pub fn user_file() -> Option<PathBuf> {
     base.map(|base| base.join("gprop/config.toml"))
 }
 
-/// The flags of one file.
+/// The flags of one file, or of several.
 #[derive(Debug, Clone, Default)]
 pub struct FileFlags {
-    path: PathBuf,
     pub flags: Vec<OsString>,
     /// The switches that the file turns off.
     off: Vec<String>,
-    /// The line of each key, by the name of its flag; of a correction, by all of its flag without dashes.
-    lines: BTreeMap<String, usize>,
+    /// The place of each key, by the name of its flag; of a correction, by all of its flag without dashes.
+    places: BTreeMap<String, Place>,
+}
+
+/// A line of a file.
+#[derive(Debug, Clone)]
+struct Place {
+    path: PathBuf,
+    line: usize,
 }
 
 impl FileFlags {
@@ -225,13 +240,21 @@ impl FileFlags {
         self.flags.retain(|flag| !other.off.iter().any(|off| off == name_of(flag)));
     }
 
+    /// Adds the flags of another file, which take precedence.
+    pub fn then(mut self, other: Self) -> Self {
+        self.flags.extend(other.flags);
+        self.off.extend(other.off);
+        self.places.extend(other.places);
+        self
+    }
+
     /// The error for the first flag that has a problem with its value.
     pub fn invalid_value(&self, problem_with: &dyn Fn(&OsString) -> Option<String>) -> Option<ConfigError> {
         self.flags.iter().find_map(|flag| {
             let problem = problem_with(flag)?;
-            let of_one = flag.to_str().and_then(|flag| self.lines.get(flag.trim_start_matches('-')));
-            let line = *of_one.or_else(|| self.lines.get(name_of(flag)))?;
-            Some(ConfigError::InvalidValue { path: self.path.clone(), line, problem })
+            let of_one = flag.to_str().and_then(|flag| self.places.get(flag.trim_start_matches('-')));
+            let Place { path, line } = of_one.or_else(|| self.places.get(name_of(flag)))?.clone();
+            Some(ConfigError::InvalidValue { path, line, problem })
         })
     }
 }
@@ -244,6 +267,30 @@ pub fn flags_of_scene(scene: &Path, known: &[Flag]) -> Result<FileFlags, ConfigE
     flags(&scene.join(FILE_NAME), Owner::Scene, known)
 }
 
+/// The flags for the corrections in the file at `path`, which belongs to a scene and may hold nothing else; none if there
+/// is no such file.
+///
+/// # Errors
+/// [`ConfigError`] names the file, the line and the key.
+pub fn flags_of_corrections(path: &Path, known: &[Flag]) -> Result<FileFlags, ConfigError> {
+    let Some(text) = text_of(path)? else { return Ok(FileFlags::default()) };
+    let table = parsed(&text, path)?;
+    let (reader, mut found) = (Reader { path, text: &text, owner: Owner::Scene, known }, FileFlags::default());
+    for (key, value) in table.get_ref() {
+        let line = line_of(&text, key.span().start);
+        match value.get_ref() {
+            DeValue::Table(parts) if key.get_ref() == CORRECTED_PART => {
+                reader.collect_corrections(parts, &mut found)?;
+            }
+            _ => {
+                let key = key.get_ref().to_string();
+                return Err(ConfigError::OnlyCorrections { path: path.to_owned(), line, key });
+            }
+        }
+    }
+    Ok(found)
+}
+
 /// The flags for the user's file at `path`; none if there is no such file.
 ///
 /// # Errors
@@ -253,13 +300,26 @@ pub fn flags_of_user(path: &Path, known: &[Flag]) -> Result<FileFlags, ConfigErr
 }
 
 fn flags(path: &Path, owner: Owner, known: &[Flag]) -> Result<FileFlags, ConfigError> {
+    text_of(path)?.map_or_else(|| Ok(FileFlags::default()), |text| flags_in(&text, path, owner, known))
+}
+
+/// The content of a file; `None` if there is none.
+fn text_of(path: &Path) -> Result<Option<String>, ConfigError> {
     match crate::files::read_to_string(path) {
-        Ok(text) => flags_in(&text, path, owner, known),
+        Ok(text) => Ok(Some(text)),
         Err(error) if matches!(error.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory) => {
-            Ok(FileFlags::default())
+            Ok(None)
         }
         Err(source) => Err(ConfigError::Read { path: path.to_owned(), source }),
     }
+}
+
+fn parsed<'a>(text: &'a str, path: &Path) -> Result<Spanned<DeTable<'a>>, ConfigError> {
+    DeTable::parse(text).map_err(|error| ConfigError::Syntax {
+        path: path.to_owned(),
+        line: error.span().map_or(1, |span| line_of(text, span.start)),
+        message: error.message().to_owned(),
+    })
 }
 
 /// The flags for `text`, treated as the content of the file at `path`. Tables only group keys for the reader and have
@@ -268,12 +328,7 @@ fn flags(path: &Path, owner: Owner, known: &[Flag]) -> Result<FileFlags, ConfigE
 /// # Errors
 /// [`ConfigError`] names the file, the line and the key.
 pub fn flags_in(text: &str, path: &Path, owner: Owner, known: &[Flag]) -> Result<FileFlags, ConfigError> {
-    let table = DeTable::parse(text).map_err(|error| ConfigError::Syntax {
-        path: path.to_owned(),
-        line: error.span().map_or(1, |span| line_of(text, span.start)),
-        message: error.message().to_owned(),
-    })?;
-    let mut found = FileFlags { path: path.to_owned(), ..FileFlags::default() };
+    let (table, mut found) = (parsed(text, path)?, FileFlags::default());
     Reader { path, text, owner, known }.collect(table.get_ref(), &mut found)?;
     Ok(found)
 }
@@ -307,9 +362,9 @@ impl Reader<'_> {
                 return Err(ConfigError::NotForScenes { path, line, key, allowed: String::new(), flag: name });
             }
             // A table's keys come in the order of their names.
-            if let Some(other) = found.lines.insert(name.clone(), line) {
-                let (path, earlier) = (self.path.to_owned(), line.min(other));
-                return Err(ConfigError::Twice { path, line: line.max(other), key: name, earlier });
+            if let Some(other) = found.places.insert(name.clone(), self.place(line)) {
+                let (path, earlier) = (self.path.to_owned(), line.min(other.line));
+                return Err(ConfigError::Twice { path, line: line.max(other.line), key: name, earlier });
             }
             let bad_value =
                 || ConfigError::BadValue { path: self.path.to_owned(), line, key: key.get_ref().to_string() };
@@ -347,11 +402,15 @@ impl Reader<'_> {
                 let value =
                     value.ok_or_else(|| ConfigError::NotOneValue { path: path.to_owned(), line, key: key_of_part })?;
                 let text = format!("{}.{}={value}", part.get_ref(), key.get_ref());
-                found.lines.insert(format!("{CORRECTION}={text}"), line);
+                found.places.insert(format!("{CORRECTION}={text}"), self.place(line));
                 found.flags.push(self.flag(corrects, &text, key.get_ref(), line)?);
             }
         }
         Ok(())
+    }
+
+    fn place(&self, line: usize) -> Place {
+        Place { path: self.path.to_owned(), line }
     }
 
     /// `--name=value`; a path is joined to the folder of the file.

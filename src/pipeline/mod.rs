@@ -40,7 +40,7 @@ use crate::workdir::{self, WorkDirError};
 
 pub use builder::{Builder, is_untouched};
 pub use hasher::Hasher;
-pub use options::{Options, THREADS, known_flags, scene_keys};
+pub use options::{OBJECT, Options, THREADS, flags_of_scene, known_flags, scene_keys};
 pub(crate) use options::{problem_of, problem_with, with_values_on_one_line};
 pub use plan::Plan;
 pub use preset::Preset;
@@ -209,6 +209,17 @@ pub fn work_folder_of(scene: &Path, out: Option<&Path>, object: ObjectChoice) ->
     let below = folder.ancestors().take_while(|path| *path != root);
     below.into_iter().try_for_each(|path| workdir::refuse_link(path, workdir::OUT))?;
     Ok(folder)
+}
+
+/// The file with corrections of a scene, which the report writes: `corrections.toml` in its folder, or beside a mesh, named
+/// after it; of an object of several, named after that (`object_2.corrections.toml`).
+pub fn corrections_file(scene: &Path, object: ObjectChoice) -> PathBuf {
+    const NAME: &str = "corrections.toml";
+    match object {
+        _ if scene.is_file() => scene.with_extension(NAME),
+        ObjectChoice::One(number) => scene.join(format!("{number}.{NAME}")),
+        ObjectChoice::Auto | ObjectChoice::All => scene.join(NAME),
+    }
 }
 
 /// The work folder of the scene in `scene`: by default `gprop/` in its folder, or beside a mesh, named after it.

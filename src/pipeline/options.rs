@@ -9,10 +9,12 @@ use clap::{ArgAction, Args, FromArgMatches};
 use serde::Serialize;
 
 use crate::config::option_values::OptionError;
-use crate::config::{self, SceneKey};
+use crate::config::{self, ConfigError, FileFlags, SceneKey};
 use crate::error::{Error, Result, UsageError};
+use crate::scene::{ObjectChoice, ObjectNumber};
 use crate::words::output;
 
+use super::corrections_file;
 use super::preset::Preset;
 
 /// The options of all stages. In a library, `preset` changes nothing, because the command line is what applies it; begin
@@ -61,25 +63,37 @@ impl Options {
         self.grasp.check()
     }
 
-    /// The defaults, changed by `gprop.toml` in the folder `scene`. These are the options of `gprop run` without flags
+    /// The defaults, changed by `gprop.toml` and `corrections.toml` in the folder `scene`. These are the options of `gprop run` without flags
     /// if the user has no `config.toml`.
     ///
     /// # Errors
-    /// If `gprop.toml` cannot be read, has a key that a scene may not set, or a value that the key does not accept.
+    /// If one of the files cannot be read, has a key that it may not set, or a value that the key does not accept.
     pub fn of_scene(scene: impl AsRef<Path>) -> Result<Self, Error> {
         let scene = scene.as_ref();
-        let read = || -> Result<Self> {
-            let file = config::flags_of_scene(scene, &known_flags())?;
-            let wrong = |error: clap::Error| -> Error {
-                let invalid = file.invalid_value(&|flag| problem_with(flag, Self::augment_args(stages()), &error));
-                match invalid {
-                    Some(invalid) => invalid.into(),
-                    None => UsageError(format!("{:?}: {}", scene.join(config::FILE_NAME), problem_of(error))).into(),
-                }
-            };
-            Self::of_flags(&file.flags).map_err(wrong)
+        Self::of_file(&flags_of_scene(scene, None, &known_flags())?, &scene.join(config::FILE_NAME))
+    }
+
+    /// The same options for one object of the capture in the folder `scene`, with the corrections of that object.
+    ///
+    /// # Errors
+    /// As for [`Self::of_scene`].
+    pub(crate) fn of_object(mut self, scene: &Path, number: ObjectNumber) -> Result<Self, Error> {
+        self.scene.object = ObjectChoice::One(number);
+        let path = corrections_file(scene, self.scene.object);
+        let corrections = Self::of_file(&config::flags_of_corrections(&path, &known_flags())?, &path)?;
+        self.vote.correct.extend(corrections.vote.correct);
+        Ok(self)
+    }
+
+    fn of_file(file: &FileFlags, path: &Path) -> Result<Self, Error> {
+        let wrong = |error: clap::Error| -> Error {
+            let invalid = file.invalid_value(&|flag| problem_with(flag, Self::augment_args(stages()), &error));
+            match invalid {
+                Some(invalid) => invalid.into(),
+                None => UsageError(format!("{path:?}: {}", problem_of(error))).into(),
+            }
         };
-        read()
+        Self::of_flags(&file.flags).map_err(wrong)
     }
 
     /// The defaults, changed by flags.
@@ -91,6 +105,28 @@ impl Options {
         Self::from_arg_matches(&command.try_get_matches_from(flags)?)
     }
 }
+
+/// The flags of a scene's own files: `gprop.toml`, then its [corrections](corrections_file), those of the object that the user
+/// chose or else `gprop.toml`.
+///
+/// # Errors
+/// [`ConfigError`] names the file, the line and the key.
+pub fn flags_of_scene(
+    scene: &Path,
+    object: Option<ObjectChoice>,
+    known: &[config::Flag],
+) -> Result<FileFlags, ConfigError> {
+    let file = config::flags_of_scene(scene, known)?;
+    let named = || {
+        let flag = file.flags.iter().rfind(|flag| config::name_of(flag) == OBJECT)?;
+        config::value_of(flag)?.to_str()?.parse().ok()
+    };
+    let object = object.or_else(named).unwrap_or_default();
+    Ok(file.then(config::flags_of_corrections(&corrections_file(scene, object), known)?))
+}
+
+/// The name of the option that chooses an object.
+pub const OBJECT: &str = "object";
 
 /// What clap says is wrong, on one line and without the usage.
 pub(crate) fn problem_of(error: clap::Error) -> String {

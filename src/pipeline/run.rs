@@ -76,6 +76,7 @@ impl Run {
         open.work.require_writable().with_context(|| format!("the {} stage has to be done", stage.name()))?;
         self.record.forget(stage, &open.work)?;
         open.forget_from(stage);
+        open.progress().stage_begins(&stage.name());
         let start = Instant::now();
         let done = (stage.row().run)(open, &self.job(stage, &key))?;
         let record = self.record_of(open, stage, key, done, start)?;

@@ -23,7 +23,7 @@ use crate::vote::FieldLabel;
 pub use cloud::{Cloud, Sphere};
 pub use disagreement::{Disagreement, NamedMaterial};
 pub use motion::Motion;
-pub use page::page;
+pub use page::{CorrectionsFile, page};
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures, shrink_object};
 pub use summary::{ESTIMATED, claim_line, grasp_line, mass_line, misfit_line, part_lines, size_line, summary};
 

@@ -97,19 +97,26 @@ pub struct Answered {
 /// Why a part cannot be corrected as the user says.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum CorrectionError {
-    #[error("--correct {setting}: no part is called {part:?}; give one of these, by its number or name: {parts}")]
+    #[error("correction {setting}: no part is called {part:?}; give one of these, by its number or name: {parts}")]
     NoSuchPart { setting: String, part: String, parts: String },
-    #[error("--correct {setting}: {part:?} fits several parts: {parts}; give a number")]
+    #[error("correction {setting}: {part:?} fits several parts: {parts}; give a number")]
     AmbiguousPart { setting: String, part: String, parts: String },
-    #[error("--correct: the material library has no {name:?}; {}", near(nearest, "gprop materials list"))]
+    #[error("correction {setting}: {problem}")]
+    Refused { setting: String, problem: Problem },
+}
+
+/// What is wrong with the corrections of a part.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum Problem {
+    #[error("the material library has no {name:?}; {}", near(nearest, "gprop materials list"))]
     NoSuchMaterial { name: String, nearest: Vec<String> },
-    #[error("--correct: no filling is called {name:?}; give one of these: empty, {fillings}")]
+    #[error("no filling is called {name:?}; give one of these: empty, {fillings}")]
     NoSuchFilling { name: String, fillings: String },
-    #[error("--correct: {part} has no hollow to fill; say how thick its wall is, such as --correct {id}.wall=3mm")]
+    #[error("{part} has no hollow to fill; say how thick its wall is, such as {id}.wall=3mm")]
     NoHollow { part: String, id: u32 },
-    #[error("--correct: the answers do not say how full {part} is; say how full, such as --correct {id}.share=80%")]
+    #[error("the answers do not say how full {part} is; say how full, such as {id}.share=80%")]
     NoShare { part: String, id: u32 },
-    #[error("--correct: nothing is known to be in {part}; say what is, such as --correct {id}.filling=water")]
+    #[error("nothing is known to be in {part}; say what is, such as {id}.filling=water")]
     NothingInside { part: String, id: u32 },
 }
 
@@ -193,7 +200,48 @@ impl fmt::Display for Setting {
     }
 }
 
+impl Setting {
+    fn refused(&self, problem: Problem) -> CorrectionError {
+        CorrectionError::Refused { setting: self.typed.clone(), problem }
+    }
+}
+
+impl Problem {
+    /// True if the problem is with what this correction says.
+    fn is_about(&self, correction: &Correction) -> bool {
+        match self {
+            Self::NoSuchMaterial { .. } => correction.material.is_some(),
+            Self::NoSuchFilling { .. } | Self::NoHollow { .. } | Self::NoShare { .. } | Self::NothingInside { .. } => {
+                correction.filling.is_some() || correction.share.is_some()
+            }
+        }
+    }
+}
+
 impl Correction {
+    /// Each key with its value, such that they can be typed again.
+    pub fn settings(&self) -> Vec<(&'static str, String)> {
+        // Without the last digits, which conversions of units leave.
+        let number = |value: f64| format!("{value:.9e}").parse().unwrap_or(value).to_string();
+        let range = |Range { low, high }: Range, factor: f64, unit: &str| {
+            let [low, high] = [low, high].map(|end| number(end * factor));
+            if low == high { format!("{low}{unit}") } else { format!("{low}-{high}{unit}") }
+        };
+        let wall = self.form.map(|form| match form {
+            Form::Shell { wall_thickness_m } => range(wall_thickness_m, 1e3, "mm"),
+            Form::Solid | Form::Mixed => NONE.to_owned(),
+        });
+        let all = [
+            ("caption", self.caption.clone()),
+            ("material", self.material.clone()),
+            ("wall", wall),
+            ("filling", self.filling.clone()),
+            ("share", self.share.map(|share| range(share, 1e2, "%"))),
+            ("density", self.density_kg_m3.map(|density| range(density, 1.0, "kg/m3"))),
+        ];
+        all.into_iter().filter_map(|(key, value)| Some((key, value?))).collect()
+    }
+
     /// Both corrections together; if both set something, `later` counts.
     fn then(self, later: Self) -> Self {
         Self {
@@ -209,8 +257,8 @@ impl Correction {
     /// The part as corrected. A mixed part keeps the density of the whole, unless its density or wall is corrected.
     ///
     /// # Errors
-    /// [`CorrectionError`] if the material or filling is not known, or there is no hollow that is filled.
-    pub fn applied(&self, answered: &FieldLabel, library: &MaterialLibrary) -> Result<FieldLabel, CorrectionError> {
+    /// [`Problem`] if the material or filling is not known, or there is no hollow that is filled.
+    pub fn applied(&self, answered: &FieldLabel, library: &MaterialLibrary) -> Result<FieldLabel, Problem> {
         let mut label = self.of_material(answered, library)?;
         if let Some(form) = self.form {
             let material = library.get(&label.material).filter(|_| label.form == Form::Mixed);
@@ -238,7 +286,7 @@ impl Correction {
         Ok(label)
     }
 
-    fn of_material(&self, label: &FieldLabel, library: &MaterialLibrary) -> Result<FieldLabel, CorrectionError> {
+    fn of_material(&self, label: &FieldLabel, library: &MaterialLibrary) -> Result<FieldLabel, Problem> {
         let Some(name) = &self.material else { return Ok(label.clone()) };
         let material = library.get(name).ok_or_else(|| no_such_material(name, library))?;
         let FieldLabel { caption, form, inside, bulk_reason, .. } = label.clone();
@@ -247,13 +295,13 @@ impl Correction {
         Ok(FieldLabel { caption, form, inside, bulk_reason, density_kg_m3, ..of })
     }
 
-    fn fill(&self, label: &mut FieldLabel, library: &MaterialLibrary) -> Result<(), CorrectionError> {
+    fn fill(&self, label: &mut FieldLabel, library: &MaterialLibrary) -> Result<(), Problem> {
         if self.filling.is_none() && self.share.is_none() {
             return Ok(());
         }
         let (part, id) = (described(label), label.id);
         if !matches!(label.form, Form::Shell { .. }) {
-            return Err(CorrectionError::NoHollow { part, id });
+            return Err(Problem::NoHollow { part, id });
         }
         let was = match &label.inside {
             Some(Contents::Filled(filled)) => Some(filled),
@@ -264,13 +312,13 @@ impl Correction {
             (Some(name), was) => {
                 let row = library.filling(name).ok_or_else(|| no_such_filling(name, library))?;
                 let share = self.share.map(Into::into).or(was.map(|was| was.share));
-                Contents::Filled(filled(row, share.ok_or(CorrectionError::NoShare { part, id })?))
+                Contents::Filled(filled(row, share.ok_or(Problem::NoShare { part, id })?))
             }
             (None, Some(was)) => {
                 let share = self.share.map_or(was.share, Into::into);
                 Contents::Filled(super::Filled { share, ..was.clone() })
             }
-            (None, None) => return Err(CorrectionError::NothingInside { part, id }),
+            (None, None) => return Err(Problem::NothingInside { part, id }),
         };
         label.inside = Some(contents);
         Ok(())
@@ -345,13 +393,12 @@ impl fmt::Display for Corrected {
 /// Checks that the library has every material that is set, before anything is done.
 ///
 /// # Errors
-/// [`CorrectionError::NoSuchMaterial`].
+/// [`CorrectionError::Refused`].
 pub fn check_materials(settings: &[Setting], library: &MaterialLibrary) -> Result<(), CorrectionError> {
-    let mut names = settings.iter().filter_map(|setting| setting.correction.material.as_ref());
-    match names.find(|name| library.get(name).is_none()) {
-        Some(name) => Err(no_such_material(name, library)),
-        None => Ok(()),
-    }
+    settings.iter().try_for_each(|setting| {
+        let unknown = setting.correction.material.as_ref().filter(|name| library.get(name).is_none());
+        unknown.map_or(Ok(()), |name| Err(setting.refused(no_such_material(name, library))))
+    })
 }
 
 /// The labels as corrected.
@@ -363,15 +410,19 @@ pub fn corrected(
     settings: &[Setting],
     library: &MaterialLibrary,
 ) -> Result<Vec<FieldLabel>, CorrectionError> {
-    let mut corrections: Vec<Option<Correction>> = vec![None; labels.len()];
+    let mut settings_of: Vec<Vec<&Setting>> = vec![Vec::new(); labels.len()];
     for setting in settings {
-        let correction = &mut corrections[part_of(setting, labels)?];
-        *correction = Some(correction.take().unwrap_or_default().then(setting.correction.clone()));
+        settings_of[part_of(setting, labels)?].push(setting);
     }
-    let label_of = |(label, correction): (&FieldLabel, &Option<Correction>)| {
-        correction.as_ref().map_or_else(|| Ok(label.clone()), |correction| correction.applied(label, library))
+    let label_of = |(label, settings): (&FieldLabel, &Vec<&Setting>)| {
+        let Some(last) = settings.last() else { return Ok(label.clone()) };
+        let correction = settings.iter().fold(Correction::default(), |sum, one| sum.then(one.correction.clone()));
+        correction.applied(label, library).map_err(|problem| {
+            let cause = settings.iter().rfind(|setting| problem.is_about(&setting.correction));
+            cause.unwrap_or(last).refused(problem)
+        })
     };
-    labels.iter().zip(&corrections).map(label_of).collect()
+    labels.iter().zip(&settings_of).map(label_of).collect()
 }
 
 /// The index of the label that a setting is about.
@@ -398,13 +449,13 @@ fn described(label: &FieldLabel) -> String {
     format!("{} ({}, {})", label.id, part_name(&label.caption, &label.material), label.material)
 }
 
-fn no_such_material(name: &str, library: &MaterialLibrary) -> CorrectionError {
-    CorrectionError::NoSuchMaterial { name: name.to_owned(), nearest: library.similar(name, NEAREST) }
+fn no_such_material(name: &str, library: &MaterialLibrary) -> Problem {
+    Problem::NoSuchMaterial { name: name.to_owned(), nearest: library.similar(name, NEAREST) }
 }
 
-fn no_such_filling(name: &str, library: &MaterialLibrary) -> CorrectionError {
+fn no_such_filling(name: &str, library: &MaterialLibrary) -> Problem {
     let fillings: Vec<&str> = library.fillings().iter().map(|row| row.name.as_str()).collect();
-    CorrectionError::NoSuchFilling { name: name.to_owned(), fillings: fillings.join(", ") }
+    Problem::NoSuchFilling { name: name.to_owned(), fillings: fillings.join(", ") }
 }
 
 #[cfg(test)]
@@ -486,6 +537,33 @@ mod tests {
         assert!(
             set(&["head.wall=3mm", "head.filling=unobtainium"]).unwrap_err().contains("give one of these: empty, ")
         );
+    }
+
+    #[test]
+    fn an_error_names_the_setting() {
+        let error = |typed: &[&str]| set(typed).unwrap_err();
+        assert!(
+            error(&["head.wall=3mm", "head.filling=unobtainium"]).contains("correction head.filling=unobtainium: ")
+        );
+        assert!(error(&["1.material=unobtainium", "4.wall=2mm"]).starts_with("correction 1.material=unobtainium: "));
+        let settings = ["1.material=abs", "1.material=unobtainium"].map(|typed| typed.parse::<Setting>().unwrap());
+        let unknown = check_materials(&settings, MaterialLibrary::builtin()).unwrap_err().to_string();
+        assert!(unknown.starts_with("correction 1.material=unobtainium: the material library has no "), "{unknown}");
+    }
+
+    #[test]
+    fn what_is_written_for_a_correction_says_the_same_again() {
+        let typed =
+            ["a.material=ash, white", "a.wall=2.7-4mm", "a.filling=water", "a.share=35%", "a.density=2700kg/m3"];
+        let whole = |settings: &[String]| {
+            settings.iter().fold(Correction::default(), |sum, typed| {
+                sum.then(typed.parse::<Setting>().unwrap_or_else(|error| panic!("{typed}: {error}")).correction)
+            })
+        };
+        let said = whole(&typed.map(str::to_owned));
+        let written: Vec<String> = said.settings().into_iter().map(|(key, value)| format!("a.{key}={value}")).collect();
+        assert_eq!(written, typed);
+        assert_eq!(whole(&["a.wall=none".to_owned()]).settings(), [("wall", "none".to_owned())]);
     }
 
     #[test]

@@ -40,6 +40,7 @@ fn in_place_of_a_scenes_files() {
         ("masks/001.png", 3),
         ("dataparser_transforms.json", 3),
         ("gprop.toml", 2),
+        ("corrections.toml", 2),
         ("recorded/a.json", 5),
     ] {
         let (balls, out) = (Balls::new(1), tempfile::tempdir().unwrap());

@@ -149,6 +149,50 @@ fn one_question_gives_a_belief_that_everything_after_it_follows() {
     assert_eq!(report["labels"][0]["material"], "abs");
 }
 
+/// `gprop.toml` and `corrections.toml` may say something of the same part; the second counts, and what is typed before both.
+#[test]
+fn a_file_of_corrections_counts_for_more_than_gprop_toml() {
+    let Asked { balls, .. } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
+    let scene = balls.scene(0);
+    let own = std::fs::read_to_string(scene.join("gprop.toml")).unwrap();
+    let of_scene = format!("{own}[part.ball]\nmaterial = \"abs\"\nwall = \"4mm\"\n");
+    std::fs::write(scene.join("gprop.toml"), of_scene).unwrap();
+    let corrections = scene.join("corrections.toml");
+    std::fs::write(&corrections, "[part.1] # ball\nmaterial = \"stainless steel 304\"\n").unwrap();
+    assert!(ask(&balls, &["--to", "report", "--no-simulate"]).status.success());
+    let made_of = |balls: &Balls| {
+        let part = &parts(balls)["parts"][0];
+        (part["material"].as_str().unwrap().to_owned(), (1e3 * part["thickness_m"]["mid"].as_f64().unwrap()).round())
+    };
+    assert_eq!(made_of(&balls), ("stainless steel 304".to_owned(), 4.0));
+    // The form begins with what is corrected, so that the file it writes keeps it.
+    let page = file(&balls, "report.html");
+    assert!(page.contains("name=\"material\" value=\"stainless steel 304\"") && page.contains("value=\"4mm\""));
+
+    let again = |more: &[&str]| run(&balls, &[&["--to", "parts", "--answers", "replay"], more].concat());
+    let kept = again(&[]);
+    assert!(kept.status.success() && made_of(&balls).0 == "stainless steel 304", "{}", said(&kept));
+    assert!(again(&["--correct", "ball.material=glass, soda-lime"]).status.success());
+    assert_eq!(made_of(&balls), ("glass, soda-lime".to_owned(), 4.0));
+
+    let refused = |text: &str, words: &[&str]| {
+        std::fs::write(&corrections, text).unwrap();
+        let output = again(&[]);
+        assert_eq!(output.status.code(), Some(2), "{text}: {}", said(&output));
+        words.iter().for_each(|word| assert!(said(&output).contains(word), "{word}: {}", said(&output)));
+    };
+    refused("[part.1]\nwall = \"3mm\"\n\nviews = 3\n[part.1]\n", &["corrections.toml", "line 5"]);
+    refused("views = 3\n", &["corrections.toml", "line 1", "`views` is no correction", "gprop.toml"]);
+    refused("[part.1]\nwall = \"thin\"\n", &["corrections.toml", "line 2", "1.wall=thin"]);
+    refused("[part.1]\ncolour = \"red\"\n", &["corrections.toml", "line 2"]);
+    refused("[part.1]\nmaterial = \"unobtainium\"\n", &["correction 1.material=unobtainium: "]);
+    refused("[part.9]\nmaterial = \"abs\"\n", &["correction 9.material=abs: no part is called"]);
+
+    std::fs::remove_file(&corrections).unwrap();
+    assert!(again(&[]).status.success());
+    assert_eq!(made_of(&balls), ("abs".to_owned(), 4.0), "gprop.toml holds again");
+}
+
 #[test]
 fn a_correction_counts_for_more_than_any_answer_and_is_taken_back() {
     let Asked { balls, count } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));

@@ -264,7 +264,8 @@ fn photo_and_splat_lie_over_each_other_and_tables_can_be_saved() {
     assert_eq!(masses, wanted);
 }
 
-/// What is typed into the rows is the text that a scene's `gprop.toml` takes, whatever captions a model gave.
+/// What is typed into the rows is the text that a scene's `corrections.toml` takes, whatever captions a model gave, and
+/// whatever `gprop.toml` says of the same part.
 #[test]
 fn corrections_are_written_for_the_scene() {
     let scene = small_run();
@@ -292,14 +293,24 @@ fn corrections_are_written_for_the_scene() {
     fill_in("density", "600-700 kg/m3");
     let text = page.text("#corrections");
     let home = tempfile::tempdir().unwrap();
-    std::fs::write(home.path().join("gprop.toml"), &text).unwrap();
+    std::fs::write(home.path().join("corrections.toml"), &text).unwrap();
+    let own = format!("[part.{id}]\nmaterial = \"abs\"\n");
+    std::fs::write(home.path().join("gprop.toml"), own).unwrap();
     let options = Options::of_scene(home.path()).unwrap_or_else(|error| panic!("{error}: {text}"));
     let mut corrections: Vec<String> = options.vote.correct.iter().map(ToString::to_string).collect();
+    assert_eq!(corrections.remove(0), format!("{id}.material=abs"), "what comes later counts");
     corrections.sort();
     let expected = ["density=600-700 kg/m3", "material=ash, white", "wall=2-4mm"];
     assert_eq!(corrections, expected.map(|setting| format!("{id}.{setting}")));
     let file = page.evaluate("decodeURIComponent(document.getElementById('corrections-file').href)");
     assert!(file.as_str().unwrap().ends_with(&text), "{file}");
+    let name = page.evaluate("document.getElementById('corrections-file').download");
+    assert_eq!(name, "corrections.toml");
+    assert!(
+        page.text("#correct > p").contains("corrections.toml in the scene's folder"),
+        "{}",
+        page.text("#correct > p")
+    );
     assert_eq!(page.complaints(), Vec::<String>::new());
 }
 

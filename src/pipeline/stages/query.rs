@@ -403,9 +403,11 @@ fn notes(answers: &Answers) -> Vec<String> {
     if let Some(least) = overlaps.iter().copied().min_by(f64::total_cmp) {
         let (count, all) = (overlaps.len(), answers.all.len());
         notes.push(format!(
-            "{count} of {} {} recorded for slightly different masks (IoU {least:.3} or more)",
+            "{count} of {} {} given for an outline that differs a little from that of this run (they overlap by {:.0} % or more), \
+             and counts all the same",
             counted(all, "answer"),
             agreeing(count, "was", "were"),
+            (100.0 * least).floor(),
         ));
     }
     notes

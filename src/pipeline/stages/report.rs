@@ -11,8 +11,8 @@ use rayon::prelude::*;
 
 use crate::config::{self, Flag};
 use crate::report::{
-    self, AnswerCounts, Cloud, Disagreement, InputFile, Motion, Pictures, Remark, Report, Reproduction, SceneSummary,
-    SheetPicture, StageTime, ViewPictures, shrink_object,
+    self, AnswerCounts, Cloud, CorrectionsFile, Disagreement, InputFile, Motion, Pictures, Remark, Report,
+    Reproduction, SceneSummary, SheetPicture, StageTime, ViewPictures, shrink_object,
 };
 use crate::vote::MaterialField;
 use crate::words::readable::hexadecimal;
@@ -25,6 +25,7 @@ use super::scene;
 use super::subjects::FoundSubjects;
 use super::vote::ShowsMost;
 use super::{Done, Job, OpenScene, Row, Stage, StageRecord, never, parts, simulate};
+use crate::pipeline::corrections_file;
 use crate::pipeline::hasher::file_digest;
 use crate::pipeline::options::known_flags;
 use crate::query::Answers;
@@ -59,9 +60,21 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let motion = report.simulation.as_ref().map(|simulation| {
         Motion::new(&cloud, &open.scene.gaussians, simulation, &mut |frame| simulate::frame(open, frame))
     });
-    let page = report::page(&report, &answers, &pictures, &cloud, motion.transpose()?.as_ref());
+    let corrections = place_for_corrections(open);
+    let page = report::page(&report, &answers, &pictures, &cloud, motion.transpose()?.as_ref(), &corrections);
     work.write(Artifact::ReportHtml, page.as_bytes())?;
     Ok(Done::writing([Artifact::ReportJson, Artifact::ReportHtml]))
+}
+
+/// The file in which corrections are saved, and where.
+fn place_for_corrections(open: &OpenScene) -> CorrectionsFile {
+    let path = corrections_file(&open.path, open.options.scene.object);
+    let mesh = open.path.file_name().filter(|_| open.scene.mesh.is_some() && open.path.is_file());
+    CorrectionsFile {
+        name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+        place: mesh
+            .map_or_else(|| "in the scene's folder".to_owned(), |mesh| format!("beside {}", mesh.to_string_lossy())),
+    }
 }
 
 /// The pictures on the page.

@@ -1,4 +1,4 @@
-// Corrections: what is typed about parts becomes the text that goes into the scene's gprop.toml.
+// Corrections: what is typed about parts, with what is corrected already, becomes the scene's file of corrections.
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(id);
@@ -18,10 +18,12 @@
     const lines = keys.map((input) => `${input.name} = ${JSON.stringify(valueOf(input))}`);
     return lines.length ? [`[part.${row.dataset.part}] # ${onOneLine(row.dataset.name)}`, ...lines, ""].join("\n") : "";
   }
+  const begunWith = rows.map(table).join("");
   function write() {
     text.textContent = rows.map(table).join("");
     link.href = "data:text/plain;charset=utf-8," + encodeURIComponent(text.textContent);
-    byId("corrections-made").hidden = !text.textContent;
+    // Without any, an empty file takes the place of the one that there is.
+    byId("corrections-made").hidden = !text.textContent && !begunWith;
     for (const input of box.querySelectorAll("input[name=material]")) {
       input.parentElement.querySelector("small").hidden = !input.value.trim() || materials.has(input.value.trim());
     }
@@ -37,6 +39,7 @@
   }
   box.addEventListener("input", () => { copy.textContent = "Copy"; write(); });
   copy.addEventListener("click", copyText);
+  write();
   for (const opener of document.querySelectorAll("a[href='#correct'][data-part]")) {
     opener.addEventListener("click", (event) => {
       event.preventDefault();

@@ -47,8 +47,23 @@ const SCRIPTS: [&str; 6] = [
     include_str!("correct.js"),
 ];
 
+/// The file that corrections are saved in.
+#[derive(Debug, Clone)]
+pub struct CorrectionsFile {
+    pub name: String,
+    /// The place of the file in words, such as `in the scene's folder`.
+    pub place: String,
+}
+
 /// The page of a report. `motion` is that of the cloud in the simulation.
-pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Cloud, motion: Option<&Motion>) -> String {
+pub fn page(
+    report: &Report,
+    answers: &Answers,
+    pictures: &Pictures,
+    cloud: &Cloud,
+    motion: Option<&Motion>,
+    corrections: &CorrectionsFile,
+) -> String {
     let data = context! {
         report => Serde(report),
         counts => counts(report),
@@ -61,6 +76,7 @@ pub fn page(report: &Report, answers: &Answers, pictures: &Pictures, cloud: &Clo
         motion_note => motion.map(motion_note),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
         materials => MaterialLibrary::builtin().materials().iter().map(|row| &*row.name).collect::<Vec<_>>(),
+        corrections => context! { name => &corrections.name, place => &corrections.place },
         is_metric => report.parts.is_some(),
         weighing => report.parts.as_ref().map(|parts| sentences(parts, report.scene.claimed_mass_kg)),
         object => report.parts.as_ref().and_then(|parts| object::object(parts, pictures)),
@@ -222,6 +238,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         material => &label.material,
         family => &label.family,
         corrected => label.corrected.as_ref().map(ToString::to_string),
+        settings => label.corrected.iter().flat_map(|corrected| corrected.to.settings()).collect::<BTreeMap<_, _>>(),
         gaussians => report.gaussians_of(label),
         form => tables::form(label.form),
         numbers => vec![
