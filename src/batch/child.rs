@@ -15,6 +15,7 @@ use crate::pipeline::Stage;
 use super::BatchError;
 use super::outcome::Ended;
 use super::select::Selected;
+use super::status::Status;
 
 /// The hidden flag that makes gprop end with its batch.
 const FLAG: &str = "--end-with-stdin";
@@ -38,6 +39,7 @@ pub struct Running {
     process: Child,
     /// Its stderr, in an unnamed temporary file.
     stderr: File,
+    status: Status,
     since: Instant,
 }
 
@@ -45,7 +47,7 @@ impl Running {
     /// Starts a scene.
     pub fn start(scene: &Selected, task: &Task) -> Result<Self, BatchError> {
         let start = || -> io::Result<Self> {
-            let stderr = tempfile::tempfile()?;
+            let (stderr, stdout) = (tempfile::tempfile()?, tempfile::tempfile()?);
             let mut command = Command::new(std::env::current_exe()?);
             command.arg("run").arg(&scene.folder).args(["--quiet", FLAG]);
             if let Some(work) = scene.named_work() {
@@ -55,10 +57,10 @@ impl Running {
             if let Some(from) = task.from {
                 command.args(["--from", &from.name()]);
             }
-            command.args(&task.flags).stdin(Stdio::piped()).stdout(Stdio::null()).stderr(stderr.try_clone()?);
+            command.args(&task.flags).stdin(Stdio::piped()).stdout(stdout.try_clone()?).stderr(stderr.try_clone()?);
             // In its own process group, so that it can be killed together with the processes that it starts.
             command.process_group(0);
-            Ok(Self { process: command.spawn()?, stderr, since: Instant::now() })
+            Ok(Self { process: command.spawn()?, stderr, status: Status::new(stdout), since: Instant::now() })
         };
         start().map_err(BatchError::Start)
     }
@@ -71,6 +73,13 @@ impl Running {
     /// The process's number.
     pub fn id(&self) -> u32 {
         self.process.id()
+    }
+
+    /// How far it is.
+    pub fn status(&mut self) -> &Status {
+        // If this cannot be read, only what is shown while it runs is incomplete.
+        let _ = self.status.update();
+        &self.status
     }
 
     /// The result of the process if it has ended.
@@ -98,7 +107,8 @@ impl Running {
             (&mut self.stderr).take(MAX_STDERR_BYTES).read_to_end(&mut words)
         });
         let stderr = String::from_utf8_lossy(&words).into_owned();
-        Ended { status, stderr, seconds: self.since.elapsed().as_secs_f64(), peak_memory_bytes }
+        let seconds = self.since.elapsed().as_secs_f64();
+        Ended { status, stderr, seconds, peak_memory_bytes, asked: self.status().asked }
     }
 }
 

@@ -4,7 +4,8 @@
 //!    [`shard`]s by size.
 //! 2. [`ledger`] holds the outcome of each scene so far, so that done scenes are skipped.
 //! 3. [`scheduler`] runs the others, each in a [`child`] process: a panic or a lack of [`memory`] in one does not stop
-//!    the others, and a child that was killed continues where it stopped when it is started again.
+//!    the others, and a child that was killed continues where it stopped when it is started again. It tells its
+//!    [`status`] meanwhile.
 //! 4. [`summary`] lists all outcomes in a table and [`mod@page`] on a page; those of several shards are
 //!    [merged](Batch::merge).
 //!
@@ -21,15 +22,17 @@ mod questions;
 mod scheduler;
 mod select;
 mod shard;
+mod status;
 mod summary;
+mod table;
 
 use std::ffi::OsString;
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
-use crate::pipeline::{Hasher, Stage, known_flags};
-use crate::scene::dataset;
+use crate::pipeline::{Hasher, Stage, corrections_file, known_flags};
+use crate::scene::{ObjectChoice, dataset};
 use crate::words::output::{agreeing, counted};
 use crate::{config, files, workdir};
 
@@ -39,13 +42,15 @@ pub use ledger::Ledger;
 pub use options::Options;
 pub use outcome::{Outcome, State};
 pub use questions::BatchQuestions;
+pub use scheduler::{News, RunningScene, Snapshot};
 pub use select::Selected;
 pub use shard::Shard;
+pub use status::{Asked, tell_the_batch};
 pub use summary::Summary;
 
 use ledger::Known;
 use memory::Budget;
-use scheduler::Scheduler;
+use scheduler::{Due, Scheduler};
 
 /// The folder for files about all scenes, inside the batch's output folder.
 const FOLDER: &str = "batch";
@@ -197,29 +202,33 @@ impl Batch {
         memory::need(scene, self.to, self.threads_a_scene())
     }
 
-    /// Runs the open scenes of this shard; `tell` is called with each outcome as soon as the scene ends. Returns the
-    /// shard's summary.
+    /// Runs the open scenes of this shard; `tell` is called with each outcome as soon as the scene ends, and with how the
+    /// batch stands in between. Returns the shard's summary.
     ///
     /// # Errors
     /// If the batch as a whole cannot continue. Scenes that failed are in the summary.
-    pub fn run(&self, tell: &mut dyn FnMut(&Outcome)) -> Result<Summary> {
+    pub fn run(&self, tell: &mut dyn FnMut(News)) -> Result<Summary> {
         let mut ledger = Ledger::open(&self.home(), self.shard)?;
-        self.skipped().for_each(|outcome| tell(&outcome));
+        self.skipped().for_each(|outcome| tell(News::Ended(Box::new(outcome))));
         let known = Known::read(&self.home())?;
-        let mut open = Vec::new();
+        let mut due = Vec::new();
         let mut kept = Vec::new();
         for scene in self.scenes() {
             let (standing, outcome) = self.standing_of(scene, &known);
             match standing {
-                Standing::Failed if self.options.retry_failed => open.push(scene),
+                Standing::Failed if self.options.retry_failed => due.push(self.due(scene, &known)),
                 Standing::Done | Standing::Failed => kept.extend(outcome),
-                Standing::ToDo => open.push(scene),
+                Standing::ToDo => due.push(self.due(scene, &known)),
             }
         }
+        let asked = kept.iter().fold(Asked::default(), |sum, outcome| sum.plus(outcome.asked));
+        tell(News::Begins { due: due.len(), kept: kept.len(), asked });
         ledger.replace(self.scenes(), kept.into_iter())?;
-        self.scheduler(self.to)?.run(&open, &|scene| self.key(scene), &mut |outcome| {
-            ledger.put(outcome.clone())?;
-            tell(&outcome);
+        self.scheduler(self.to)?.run(&due, &|scene| self.key(scene), &mut |news| {
+            if let News::Ended(outcome) = &news {
+                ledger.put(Outcome::clone(outcome))?;
+            }
+            tell(news);
             Ok(())
         })?;
         ledger.finish()?;
@@ -271,6 +280,12 @@ impl Batch {
         (self.threads / self.jobs()).max(1)
     }
 
+    /// A scene that is to be run, with what it has asked so far with this task.
+    fn due<'a>(&self, scene: &'a Selected, known: &Known) -> Due<'a> {
+        let earlier = known.of(scene, &self.key(scene));
+        Due { scene, asked: earlier.map_or_else(Asked::default, |earlier| earlier.asked) }
+    }
+
     /// The status of a scene so far, and the outcome from which it follows.
     fn standing_of(&self, scene: &Selected, known: &Known) -> (Standing, Option<Outcome>) {
         if self.from.is_some() {
@@ -294,7 +309,8 @@ impl Batch {
         for flag in &self.flags {
             hasher = hasher.with(flag.as_encoded_bytes());
         }
-        let configurations = [Some(scene.folder.join(config::FILE_NAME)), config::user_file()];
+        let corrections = corrections_file(&scene.folder, ObjectChoice::Auto);
+        let configurations = [Some(scene.folder.join(config::FILE_NAME)), Some(corrections), config::user_file()];
         let content = |path: Option<PathBuf>| path.and_then(|path| files::read(&path).ok()).unwrap_or_default();
         let hasher = configurations.into_iter().fold(hasher, |hasher, path| hasher.with(&content(path)));
         self.named_paths().iter().fold(hasher, |hasher, path| with_content(hasher, path)).hex()

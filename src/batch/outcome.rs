@@ -13,6 +13,8 @@ use crate::units::Estimate;
 use crate::vote::FieldLabel;
 use crate::workdir::{self, Artifact};
 
+use super::Asked;
+
 /// How a scene ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -43,6 +45,12 @@ pub struct Outcome {
     pub peak_memory_bytes: u64,
     /// Warnings of all stages that were done after those that they read from.
     pub warnings: usize,
+    /// The model that was named for its questions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub model: Option<String>,
+    /// What its processes have asked with this task.
+    #[serde(default)]
+    pub asked: Asked,
     #[serde(flatten)]
     pub results: Results,
     /// Hash of the task and the scene.
@@ -80,6 +88,7 @@ pub struct Ended {
     pub stderr: String,
     pub seconds: f64,
     pub peak_memory_bytes: u64,
+    pub asked: Asked,
 }
 
 impl Outcome {
@@ -97,6 +106,8 @@ impl Outcome {
             seconds: ended.seconds,
             peak_memory_bytes: ended.peak_memory_bytes,
             warnings: stages.iter().map(|stage| stage.warnings.len()).sum(),
+            model: run.options.get("query").and_then(|query| Some(query["lmm_model"].as_str()?.to_owned())),
+            asked: ended.asked,
             results: if done { Results::read(work, &stages) } else { Results::default() },
             key,
         }
@@ -113,6 +124,8 @@ impl Outcome {
             seconds: 0.0,
             peak_memory_bytes: 0,
             warnings: 0,
+            model: None,
+            asked: Asked::default(),
             results: Results::default(),
             key: String::new(),
         }
@@ -190,7 +203,8 @@ mod tests {
     fn a_scene_that_ended_by_itself_before_it_was_killed_is_done() {
         let stopped = |status: i32| {
             let status = ExitStatus::from_raw(status);
-            let ended = Ended { status, stderr: String::new(), seconds: 1.0, peak_memory_bytes: 1 };
+            let ended =
+                Ended { status, stderr: String::new(), seconds: 1.0, peak_memory_bytes: 1, asked: Asked::default() };
             let outcome = Outcome::stopped("a", Path::new("no such folder"), String::new(), &ended, "slow".to_owned());
             (outcome.state, outcome.error)
         };

@@ -23,8 +23,9 @@ use crate::query::{self, AnswerSource, Queries, QueryError, Sha256Hex};
 use crate::words::progress::Progress;
 use crate::workdir;
 
+use super::scheduler::Due;
 use super::select::Selected;
-use super::{Batch, BatchError, Ledger, Outcome, State};
+use super::{Asked, Batch, BatchError, Ledger, News, State};
 
 /// Scenes for which a step failed, with the reason.
 pub type Failures = Vec<(String, String)>;
@@ -152,10 +153,12 @@ impl<'a> BatchQuestions<'a> {
     fn segmented(&self) -> Result<(Vec<&'a Selected>, Failures)> {
         let all: Vec<&Selected> = self.batch.scenes().collect();
         let mut failures = Failures::new();
-        self.batch.scheduler(Stage::Segment)?.run(&all, &|_| String::new(), &mut |outcome| {
-            let Outcome { scene, state, error, .. } = outcome;
-            if state == State::Failed {
-                failures.push((scene, error.unwrap_or_default()));
+        let due: Vec<Due> = all.iter().map(|scene| Due { scene, asked: Asked::default() }).collect();
+        self.batch.scheduler(Stage::Segment)?.run(&due, &|_| String::new(), &mut |news| {
+            if let News::Ended(outcome) = news
+                && outcome.state == State::Failed
+            {
+                failures.push((outcome.scene, outcome.error.unwrap_or_default()));
             }
             Ok(())
         })?;

@@ -6,17 +6,20 @@
 //! so does one that takes longer than `--max-minutes`.
 
 use std::collections::VecDeque;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::child::{Running, Task};
 use super::memory::{self, Budget, Gauge};
+use super::outcome::Ended;
 use super::select::Selected;
-use super::{BatchError, Outcome};
+use super::{Asked, BatchError, Outcome};
 
 /// Up to this number, a scene's stages make good use of threads: views and prompts are processed in parallel.
 pub const THREADS_A_SCENE: usize = 4;
 
 const POLL: Duration = Duration::from_millis(20);
+/// Interval at which the batch says how it stands.
+const TELL: Duration = Duration::from_millis(250);
 /// A scene that was killed while its memory was growing is assumed to need this many times the memory that it used.
 const GROWTH: f64 = 1.5;
 
@@ -29,15 +32,52 @@ pub struct Scheduler {
     pub task: Task,
 }
 
-/// A scene that is to be run, with its estimated need of memory.
+/// A scene that is to be run.
+#[derive(Debug, Clone, Copy)]
+pub struct Due<'a> {
+    pub scene: &'a Selected,
+    /// What earlier processes of it have asked with this task.
+    pub asked: Asked,
+}
+
+/// A scene that waits to be started, with its estimated need of memory.
 struct Waiting<'a> {
-    scene: &'a Selected,
+    due: Due<'a>,
     need: u64,
+}
+
+/// What happens in a batch.
+#[derive(Debug)]
+pub enum News<'a> {
+    /// So many scenes are to be run; those that need not be have asked this.
+    Begins { due: usize, kept: usize, asked: Asked },
+    /// A scene has ended.
+    Ended(Box<Outcome>),
+    /// How the batch stands, several times a second.
+    Snapshot(Snapshot<'a>),
+}
+
+/// How a batch stands while it runs.
+#[derive(Debug)]
+pub struct Snapshot<'a> {
+    pub running: Vec<RunningScene<'a>>,
+    /// Number of scenes that wait to be started.
+    pub waiting: usize,
+}
+
+/// A scene that is being run.
+#[derive(Debug)]
+pub struct RunningScene<'a> {
+    pub name: &'a str,
+    /// The stage that it does, by name.
+    pub stage: Option<String>,
+    /// What its processes have asked so far with this task.
+    pub asked: Asked,
 }
 
 /// A running scene.
 struct Worker<'a> {
-    scene: &'a Selected,
+    due: Due<'a>,
     need: u64,
     running: Running,
     /// Key of the scene when its process was started.
@@ -47,26 +87,24 @@ struct Worker<'a> {
 }
 
 impl Scheduler {
-    /// Runs all of `scenes`, in order as far as the budget allows; `keep` is called with each outcome.
+    /// Runs all of the scenes that are `due`, in order as far as the budget allows; `take` gets each outcome, and how the batch stands.
     pub fn run(
         &self,
-        scenes: &[&Selected],
+        due: &[Due],
         key: &dyn Fn(&Selected) -> String,
-        keep: &mut dyn FnMut(Outcome) -> Result<(), BatchError>,
+        take: &mut dyn FnMut(News) -> Result<(), BatchError>,
     ) -> Result<(), BatchError> {
-        let mut waiting: VecDeque<Waiting> = scenes
-            .iter()
-            .map(|scene| Waiting { scene, need: memory::need(scene, self.task.to, self.task.threads) })
-            .collect();
+        let mut waiting: VecDeque<Waiting> = due.iter().map(|due| self.waiting(*due)).collect();
         let mut workers: Vec<Worker> = Vec::new();
         let mut gauge = Gauge::new();
+        let mut told: Option<Instant> = None;
         while !waiting.is_empty() || !workers.is_empty() {
             while let Some(next) = self.next(&waiting, &workers).and_then(|index| waiting.remove(index)) {
-                let Waiting { scene, need } = next;
+                let Waiting { due, need } = next;
                 // Before the process reads the files on which the key depends: they may change while it runs.
-                let key = key(scene);
-                let running = Running::start(scene, &self.task)?;
-                workers.push(Worker { scene, need, running, key, held: 0, peak: 0 });
+                let key = key(due.scene);
+                let running = Running::start(due.scene, &self.task)?;
+                workers.push(Worker { due, need, running, key, held: 0, peak: 0 });
             }
             std::thread::sleep(POLL);
             let ids: Vec<u32> = workers.iter().map(|worker| worker.running.id()).collect();
@@ -74,32 +112,42 @@ impl Scheduler {
                 worker.held = held;
                 worker.peak = worker.peak.max(held);
             }
+            if told.is_none_or(|told| told.elapsed() >= TELL) {
+                let running = workers.iter_mut().map(Worker::snapshot).collect();
+                take(News::Snapshot(Snapshot { running, waiting: waiting.len() }))?;
+                told = Some(Instant::now());
+            }
             let mut index = 0;
             while index < workers.len() {
                 match self.outcome(&mut workers[index])? {
                     Some(outcome) => {
                         workers.remove(index);
-                        keep(outcome)?;
+                        take(News::Ended(Box::new(outcome)))?;
                     }
                     None => index += 1,
                 }
             }
-            self.relieve(&mut workers, &mut waiting, keep)?;
+            if let Some(outcome) = self.relieve(&mut workers, &mut waiting)? {
+                take(News::Ended(Box::new(outcome)))?;
+            }
         }
         Ok(())
     }
 
+    fn waiting<'a>(&self, due: Due<'a>) -> Waiting<'a> {
+        Waiting { due, need: memory::need(due.scene, self.task.to, self.task.threads) }
+    }
+
     /// The outcome of a scene that has ended, or that is killed here because it took too long.
     fn outcome(&self, worker: &mut Worker) -> Result<Option<Outcome>, BatchError> {
-        let Worker { scene, running, key, peak, .. } = worker;
-        if let Some(ended) = running.ended(*peak)? {
-            return Ok(Some(Outcome::of(&scene.name, &scene.work, key.clone(), &ended)));
+        if let Some(ended) = worker.running.ended(worker.peak)? {
+            return Ok(Some(worker.outcome(ended, None)));
         }
-        let Some(limit) = self.max_minutes.filter(|limit| running.age().as_secs_f64() > 60.0 * limit) else {
+        let Some(limit) = self.max_minutes.filter(|limit| worker.running.age().as_secs_f64() > 60.0 * limit) else {
             return Ok(None);
         };
-        let why = format!("took longer than --max-minutes {limit}");
-        Ok(Some(Outcome::stopped(&scene.name, &scene.work, key.clone(), &running.kill(*peak)?, why)))
+        let ended = worker.running.kill(worker.peak)?;
+        Ok(Some(worker.outcome(ended, Some(format!("took longer than --max-minutes {limit}")))))
     }
 
     /// The first scene that fits beside the running ones; if none is running, the first of all, whatever it needs.
@@ -112,23 +160,23 @@ impl Scheduler {
         fits.or((workers.is_empty() && !waiting.is_empty()).then_some(0))
     }
 
-    /// Kills the scene started last if all together use more than the budget.
+    /// Kills the scene started last if all together use more than the budget; returns its outcome if it cannot run again.
     fn relieve<'a>(
         &self,
         workers: &mut Vec<Worker<'a>>,
         waiting: &mut VecDeque<Waiting<'a>>,
-        keep: &mut dyn FnMut(Outcome) -> Result<(), BatchError>,
-    ) -> Result<(), BatchError> {
+    ) -> Result<Option<Outcome>, BatchError> {
         let held: u64 = workers.iter().map(|worker| worker.held).sum();
         if held <= self.budget.bytes {
-            return Ok(());
+            return Ok(None);
         }
-        let Some(mut last) = workers.pop() else { return Ok(()) };
+        let Some(mut last) = workers.pop() else { return Ok(None) };
         let ended = last.running.kill(last.peak)?;
         if !workers.is_empty() {
             let need = last.need.max((last.peak as f64 * GROWTH) as u64);
-            waiting.push_back(Waiting { scene: last.scene, need });
-            return Ok(());
+            let asked = last.due.asked.plus(ended.asked);
+            waiting.push_back(Waiting { due: Due { asked, ..last.due }, need });
+            return Ok(None);
         }
         let gigabytes = |bytes: u64| bytes as f64 / memory::GIGABYTE;
         let why = format!(
@@ -137,6 +185,24 @@ impl Scheduler {
             gigabytes(last.peak),
             gigabytes(self.budget.bytes)
         );
-        keep(Outcome::stopped(&last.scene.name, &last.scene.work, last.key, &ended, why))
+        Ok(Some(last.outcome(ended, Some(why))))
+    }
+}
+
+impl Worker<'_> {
+    fn snapshot(&mut self) -> RunningScene<'_> {
+        let Due { scene, asked } = self.due;
+        let status = self.running.status();
+        RunningScene { name: &scene.name, stage: status.stage.clone(), asked: status.asked.plus(asked) }
+    }
+
+    /// The outcome of its process, which ended by itself or was stopped for a reason.
+    fn outcome(&self, ended: Ended, stopped: Option<String>) -> Outcome {
+        let Due { scene: Selected { name, work, .. }, asked } = self.due;
+        let ended = Ended { asked: ended.asked.plus(asked), ..ended };
+        match stopped {
+            None => Outcome::of(name, work, self.key.clone(), &ended),
+            Some(why) => Outcome::stopped(name, work, self.key.clone(), &ended, why),
+        }
     }
 }

@@ -42,7 +42,7 @@ pub struct Selected {
 
 impl Selected {
     /// The work folder if it has to be named because it is not the scene's default one.
-    pub(super) fn named_work(&self) -> Option<&Path> {
+    pub fn named_work(&self) -> Option<&Path> {
         Some(self.work.as_path()).filter(|work| *work != work_folder(&self.folder, None))
     }
 }

@@ -1,7 +1,7 @@
-//! The outcomes of all scenes: a table for people, `summary.json` for programs, and the masses in the form of
+//! The outcomes of all scenes: a table for people, `summary.json` for programs, `summary.csv` for spreadsheets, and the masses in the form of
 //! NeRF2Physics' predictions, `mass_predictions.json`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -12,10 +12,11 @@ use crate::report::ESTIMATED;
 use crate::words::output::{counted, one_line};
 
 use super::select::Selected;
-use super::{BatchError, Outcome, State};
+use super::{Asked, BatchError, Outcome, State, table};
 
 /// Names of the files.
 const FILE: &str = "summary.json";
+const TABLE: &str = "summary.csv";
 const MASSES: &str = "mass_predictions.json";
 
 /// The outcomes of the scenes of a batch.
@@ -32,6 +33,10 @@ pub struct Summary {
     pub seconds: f64,
     /// Peak memory of the scene that used most.
     pub peak_memory_bytes: u64,
+    /// The models that were named for the questions, sorted.
+    pub models: Vec<String>,
+    /// What all scenes have asked.
+    pub asked: Asked,
     /// Sorted by scene.
     pub outcomes: Vec<Outcome>,
 }
@@ -62,13 +67,21 @@ impl Summary {
             missing,
             seconds: found.iter().map(|outcome| outcome.seconds).sum(),
             peak_memory_bytes: found.iter().map(|outcome| outcome.peak_memory_bytes).max().unwrap_or(0),
+            models: found
+                .iter()
+                .filter_map(|outcome| outcome.model.clone())
+                .collect::<BTreeSet<_>>()
+                .into_iter()
+                .collect(),
+            asked: found.iter().fold(Asked::default(), |sum, outcome| sum.plus(outcome.asked)),
             outcomes: found,
         }
     }
 
-    /// Writes it and the masses into the batch's folder.
+    /// Writes it, its table and the masses into the batch's folder.
     pub(super) fn write(&self, folder: &Path) -> Result<(), BatchError> {
         write_json(folder.join(FILE), self)?;
+        table::write(self, &folder.join(TABLE))?;
         write_json(folder.join(MASSES), &self.masses())
     }
 
@@ -108,8 +121,9 @@ impl Summary {
         let Self { scenes, done, failed, missing, seconds, .. } = self;
         let missing = missing.len();
         let skipped = if self.skipped > 0 { format!(", {} skipped", self.skipped) } else { String::new() };
+        let asked = if self.asked.requests > 0 { format!("; {}", self.asked) } else { String::new() };
         text + &format!(
-            "{}: {done} done, {failed} failed, {missing} without a result{skipped}; {seconds:.0} seconds in total",
+            "{}: {done} done, {failed} failed, {missing} without a result{skipped}; {seconds:.0} seconds in total{asked}",
             counted(*scenes, "scene")
         )
     }

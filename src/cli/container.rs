@@ -1,6 +1,6 @@
 //! `gprop run` and `gprop export` of a robot or a scene of a simulator: its links, one after the other.
 
-use crate::batch::{State, Summary, Task};
+use crate::batch::{Summary, Task};
 use crate::config;
 use crate::error::{Result, UsageError};
 use crate::links::Prepared;
@@ -61,12 +61,9 @@ pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
 fn run_links(global: &Global, prepared: &Prepared, options: &Options, task: Task) -> Result<Summary> {
     prepared.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
     tracing::info!("{prepared}");
-    let (total, mut ended) = (prepared.object_count(), 0);
-    batch::announce(options, total)?;
+    batch::announce(options, prepared.object_count())?;
     // The outcomes are for people; what is printed as JSON is the result.
     let for_people = Global { json: false, ..global.clone() };
-    prepared.run(task, &mut |outcome| {
-        ended += usize::from(outcome.state != State::Skipped);
-        batch::tell(&for_people, global.progress(), outcome, ended, total);
-    })
+    let mut display = batch::Display::new(&for_people);
+    prepared.run(task, &mut |news| display.take(&news))
 }

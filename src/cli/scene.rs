@@ -6,7 +6,6 @@ use clap::ValueEnum;
 use serde::Serialize;
 use serde_json::Value;
 
-use crate::config;
 use crate::consensus::AskAbout;
 use crate::error::{Result, UsageError};
 use crate::export::{self, Body, Format};
@@ -18,6 +17,7 @@ use crate::query::Preview;
 use crate::report;
 use crate::units::MetricScale;
 use crate::workdir::Artifact;
+use crate::{batch, config};
 
 use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_path, print_text, shown};
 
@@ -26,7 +26,7 @@ use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_pa
 pub struct DryRun {
     stages: Vec<DryStage>,
     /// `None` if nothing would be asked, or it is not known yet.
-    queries: Option<Preview>,
+    pub queries: Option<Preview>,
     #[serde(skip)]
     to: Stage,
 }
@@ -187,6 +187,7 @@ pub fn builder(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> Re
 
 fn builder_with(global: &Global, folder: &Path, out: Option<&Path>, options: &Options, plan: Plan) -> Builder {
     let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
+    let builder = if global.is_in_batch { builder.on_progress(batch::tell_the_batch) } else { builder };
     let builder = match out {
         Some(out) => builder.out(out),
         None => builder,
@@ -233,16 +234,21 @@ pub fn dry_run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simul
 }
 
 impl DryRun {
+    /// True if the questions are unknown because the parts are not found yet.
+    pub fn lacks_parts(&self) -> bool {
+        let has_parts = self.stages.iter().any(|stage| stage.name == Stage::Consensus && stage.reusable);
+        self.to >= Stage::Query && !has_parts
+    }
+
     pub fn text(&self) -> String {
         let mut text = String::new();
         for stage in &self.stages {
             let state = if stage.reusable { "done" } else { "to do" };
             text += &format!("{:<9} {state}\n", stage.name.name());
         }
-        let has_parts = self.stages.iter().any(|stage| stage.name == Stage::Consensus && stage.reusable);
         match &self.queries {
             Some(plan) => text += &format!("questions: {plan}\n"),
-            None if self.to >= Stage::Query && !has_parts => {
+            None if self.lacks_parts() => {
                 text += "questions: unknown until the parts are found; `gprop run SCENE --to consensus` finds them and \
                          sends nothing\n";
             }

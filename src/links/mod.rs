@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use crate::batch::{self, Batch, Outcome, Summary, Task};
+use crate::batch::{self, Batch, News, Summary, Task};
 use crate::error::Result;
 use crate::files::read_scope::ReadScope;
 use crate::files::write::Folder;
@@ -141,11 +141,11 @@ impl Prepared {
         names.into_iter().map(|name| (name, work_folder(&self.folder().join(format!("{name}.glb")), None)))
     }
 
-    /// Runs the meshes; `tell` is called with each outcome.
+    /// Runs the meshes; `tell` is called with each outcome, and with how all stand.
     ///
     /// # Errors
     /// As for [`Batch::run`].
-    pub fn run(&self, task: Task, tell: &mut dyn FnMut(&Outcome)) -> Result<Summary> {
+    pub fn run(&self, task: Task, tell: &mut dyn FnMut(News)) -> Result<Summary> {
         Batch::new(&self.folder(), None, batch::Options::default(), task)?.run(tell)
     }
 

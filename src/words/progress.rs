@@ -44,8 +44,12 @@ pub struct StageNumber {
 pub enum Event<'a> {
     /// Part of a piece of work is done, such as some of a stage's views. May come from any thread.
     Steps { stage: Option<StageNumber>, what: &'a str, done: u64, of: u64 },
-    /// A stage is done. Stages whose stored results are used again are not told.
+    /// A stage begins. Stages whose stored results are used again are not told.
+    StageBegins { stage: Option<StageNumber>, name: &'a str },
+    /// A stage is done.
     StageDone { stage: Option<StageNumber>, name: &'a str, seconds: f64 },
+    /// What a run has asked a model so far, after each request. The price in US dollars is `None` if it is unknown.
+    Asked { requests: usize, input_tokens: u64, output_tokens: u64, usd: Option<f64> },
 }
 
 /// Cancels runs: all clones of a token are one. A run looks at it before each stage and between its views, questions and
@@ -217,6 +221,20 @@ impl<'a> Progress<'a> {
         }
     }
 
+    /// Tells the watcher that a stage begins.
+    pub fn stage_begins(self, name: &str) {
+        if let Self::Watched(watcher, stage) = self {
+            watcher.tell(&Event::StageBegins { stage, name });
+        }
+    }
+
+    /// Tells the watcher what was asked so far.
+    pub fn asked(self, requests: usize, input_tokens: u64, output_tokens: u64, usd: Option<f64>) {
+        if let Self::Watched(watcher, _) = self {
+            watcher.tell(&Event::Asked { requests, input_tokens, output_tokens, usd });
+        }
+    }
+
     /// The line for a stage that is done.
     pub fn stage_done(self, name: &str, seconds: f64) {
         if let Progress::Shown(stage) | Progress::Lines(stage) = self.on_stderr() {
@@ -229,15 +247,19 @@ impl<'a> Progress<'a> {
 
     /// Shows the remaining time of a wait for `reason`, such as "as the server asks".
     pub fn countdown(self, reason: &'static str) -> Countdown {
-        let progress = self.on_stderr();
-        let bar = match progress {
-            Progress::Lines(_) | Progress::Hidden | Progress::Watched(..) => ProgressBar::hidden(),
-            Progress::Shown(_) => {
-                let style = ProgressStyle::with_template("{msg}").expect("the template is a constant");
-                BARS.add(ProgressBar::new_spinner()).with_style(style)
-            }
-        };
-        Countdown { progress, reason, bar, told: None }
+        Countdown { progress: self.on_stderr(), reason, bar: self.text_bar(), told: None }
+    }
+
+    /// A line that says how a long piece of work stands.
+    pub fn status_line(self) -> StatusLine {
+        StatusLine { progress: self.on_stderr(), bar: self.text_bar(), told: Instant::now() }
+    }
+
+    /// A line of text that is drawn anew as often as it changes, at a terminal.
+    fn text_bar(self) -> ProgressBar {
+        let Progress::Shown(_) = self.on_stderr() else { return ProgressBar::hidden() };
+        let style = ProgressStyle::with_template("{wide_msg}").expect("the template is a constant");
+        BARS.add(ProgressBar::new_spinner()).with_style(style)
     }
 }
 
@@ -334,6 +356,36 @@ impl Countdown {
 }
 
 impl Drop for Countdown {
+    fn drop(&mut self) {
+        self.bar.finish_and_clear();
+    }
+}
+
+/// A line that says how a long piece of work stands: at a terminal it is always there and removed when this is dropped,
+/// in a log it is printed now and then.
+pub struct StatusLine {
+    /// As on stderr.
+    progress: Progress<'static>,
+    bar: ProgressBar,
+    /// When the last line was printed.
+    told: Instant,
+}
+
+impl StatusLine {
+    /// Shows how the work stands now.
+    pub fn show(&mut self, text: &str) {
+        match self.progress {
+            Progress::Shown(_) => self.bar.set_message(output::one_line(text).into_owned()),
+            Progress::Lines(_) if self.told.elapsed() >= REMINDER => {
+                show(text);
+                self.told = Instant::now();
+            }
+            Progress::Lines(_) | Progress::Hidden | Progress::Watched(..) => {}
+        }
+    }
+}
+
+impl Drop for StatusLine {
     fn drop(&mut self) {
         self.bar.finish_and_clear();
     }

@@ -108,6 +108,82 @@ fn one_bad_scene_stops_no_other() {
     );
 }
 
+fn json_in(path: &Path) -> Value {
+    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
+}
+
+#[test]
+fn a_dry_run_counts_the_requests_of_each_scene_and_of_all() {
+    let balls = Balls::new(3);
+    let dry = |more: &[&str]| {
+        let output = batch(&balls, &["--dry-run", "--price", "10"]).args(more).output().unwrap();
+        assert!(output.status.success(), "{}", stderr(&output));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let json = |more: &[&str]| -> Value { serde_json::from_str(&dry(&[more, &["--json"]].concat())).unwrap() };
+    let untouched = json(&[]);
+    assert_eq!((&untouched["unknown"], &untouched["cost"]["requests"]), (&3.into(), &0.into()));
+    assert!(dry(&[]).contains("the questions about 3 scenes are unknown until the parts are found"), "{}", dry(&[]));
+    assert!(!balls.scene(0).join("gprop").exists(), "nothing is done");
+
+    let consensus = ["--to", "consensus", "--price", "10"];
+    assert_eq!(outcomes(&mut batch(&balls, &consensus), 0).len(), 3);
+    fs::write(balls.scene(2).join("transforms.json"), "{").unwrap();
+    let known = json(&[]);
+    // Three views of two segments each; the third scene cannot be opened, and stops no other.
+    let requests = |scene: usize| &known["scenes"][scene]["queries"]["cost"]["requests"];
+    assert_eq!((requests(0), requests(1), &known["cost"]["requests"]), (&6.into(), &6.into(), &12.into()));
+    let usd = |cost: &Value| cost["usd"].as_f64().unwrap();
+    let each = [0, 1].map(|scene| usd(&known["scenes"][scene]["queries"]["cost"]));
+    assert!(each[0] > 0.0 && (each[0] + each[1] - usd(&known["cost"])).abs() < 1e-9, "{known}");
+    assert!(known["unknown"] == 1 && known["scenes"][2]["problem"].as_str().unwrap().contains("transforms.json"));
+    let text = dry(&[]);
+    let line = text.lines().find(|line| line.starts_with("ball-0")).unwrap();
+    assert!(line.contains("to ask: 6 requests, about ") && line.ends_with(" USD"), "{text}");
+    assert!(text.contains("3 scenes in shard 0/1; to ask: 12 requests"), "{text}");
+
+    assert_eq!(outcomes(&mut batch(&balls, &["--price", "10"]), 6).len(), 3);
+    let done = json(&[]);
+    assert_eq!((&done["cost"]["requests"], &done["unknown"]), (&0.into(), &0.into()), "{done}");
+}
+
+#[test]
+fn what_was_asked_and_paid_is_kept_for_each_scene_and_all() {
+    let balls = Balls::new(2);
+    let price = ["--price", "10"];
+    let ended = outcomes(&mut batch(&balls, &price), 0);
+    let home = balls.folder().join("gprop/batch");
+    let summary = json_in(&home.join("summary.json"));
+    assert_eq!((&summary["models"], &summary["asked"]["requests"]), (&json!(["test-model"]), &12.into()), "{summary}");
+    for outcome in &ended {
+        assert_eq!((&outcome["model"], &outcome["asked"]["requests"]), (&"test-model".into(), &6.into()), "{outcome}");
+    }
+    let sum = |key: &str| -> f64 { ended.iter().map(|outcome| outcome["asked"][key].as_f64().unwrap()).sum() };
+    for key in ["input_tokens", "output_tokens", "usd"] {
+        let all = summary["asked"][key].as_f64().unwrap();
+        assert!(all > 0.0 && (all - sum(key)).abs() < 1e-9, "{key}: {summary}");
+    }
+    let tokens = (sum("input_tokens") + sum("output_tokens")) / 1e6;
+    assert!((sum("usd") - 10.0 * tokens).abs() < 1e-9, "10 USD for a million tokens");
+
+    // A second run with the same options asks nothing more, and what was paid stays.
+    let again = [&price[..], &["--from", "vote"]].concat();
+    let ended = outcomes(&mut batch(&balls, &again), 0);
+    assert_eq!(ended[0]["asked"]["requests"], 6, "{}", ended[0]);
+
+    let mut table = csv::Reader::from_path(home.join("summary.csv")).unwrap();
+    let rows: Vec<std::collections::BTreeMap<String, String>> = table.deserialize().map(Result::unwrap).collect();
+    assert_eq!(rows.len(), 2);
+    let outcome = ended.iter().find(|outcome| outcome["scene"] == "ball-1").unwrap();
+    let number = |column: &str| rows[1][column].parse::<f64>().unwrap();
+    assert_eq!((rows[1]["scene"].as_str(), rows[1]["state"].as_str()), ("ball-1", "done"));
+    assert_eq!(Some(number("mass_low_kg")), outcome["mass_kg"]["low"].as_f64());
+    assert_eq!(Some(number("usd")), outcome["asked"]["usd"].as_f64());
+    assert_eq!((rows[1]["model"].as_str(), number("requests")), ("test-model", 6.0));
+    let text = batch(&balls, &price).output().unwrap();
+    assert!(String::from_utf8_lossy(&text.stdout).contains("seconds in total; 12 requests, "), "{text:?}");
+}
+
 #[test]
 fn the_simulation_can_be_left_out_and_the_page_is_named() {
     let balls = Balls::new(1);
@@ -305,4 +381,18 @@ fn masses_of_a_data_set_are_scored_by_its_weights() {
     let none = evaluate(&["--data-set".as_ref(), home.as_ref(), "--split".as_ref(), "train".as_ref()]);
     assert_eq!(none.status.code(), Some(2));
     assert!(stderr(&none).contains("1 scene of the split \"train\", none of which has been run"), "{}", stderr(&none));
+
+    // The user's own scale counts before what the data set states.
+    let own = home.join("masses.csv");
+    fs::write(&own, "name,mass_kg\nball-0,2.5\nbal-1,3\n").unwrap();
+    let arguments = ["--data-set".as_ref(), home.as_os_str(), "--weights".as_ref(), own.as_os_str()];
+    let found = scores(&arguments);
+    assert!(found["count"] == 1 && (found["ade"].as_f64().unwrap() - (mid - 2.5).abs()).abs() < 1e-12, "{found}");
+    let told = stderr(&evaluate(&arguments));
+    assert!(
+        told.contains("1 name that no chosen scene has (first: \"bal-1\"; scenes are called like \"ball-0\")"),
+        "{told}"
+    );
+    let scene = scores(&[balls.scene(0).as_os_str(), "--weights".as_ref(), own.as_os_str()]);
+    assert_eq!(scene["ade"], found["ade"]);
 }

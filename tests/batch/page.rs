@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::ball::Balls;
 use super::{batch, outcomes, stderr};
@@ -110,5 +110,105 @@ fn rows_are_sorted_and_found() {
     let before = page.evaluate(ground);
     page.click("#theme");
     assert_ne!(page.evaluate(ground), before, "light and dark differ");
+    assert_eq!(page.complaints(), Vec::<String>::new());
+}
+
+/// A folder of so many scenes with made-up outcomes, and its page. Masses and widths follow a bell curve in logarithms;
+/// scene 7 is far heavier than the others, every 100th has failed, and every 10th asked a model.
+fn many(count: usize) -> (tempfile::TempDir, std::path::PathBuf) {
+    let home = tempfile::tempdir().unwrap();
+    let results = home.path().join("gprop/batch");
+    fs::create_dir_all(&results).unwrap();
+    let mut lines = String::new();
+    for number in 0..count {
+        let name = format!("scene-{number:05}");
+        fs::create_dir(home.path().join(&name)).unwrap();
+        fs::write(home.path().join(&name).join("point_cloud.ply"), "ply").unwrap();
+        // The sum of four numbers that are evenly spread.
+        let bell = |seed: usize| -> f64 {
+            (1..5).map(|k| ((number + seed) * k * 7919 % 1009) as f64 / 1009.0).sum::<f64>() - 2.0
+        };
+        let mass = if number == 7 { 1e5 } else { (2.0 * bell(1)).exp() };
+        let width = (0.3 + 0.2 * bell(2).abs()).exp();
+        let materials = ["oak wood", "stainless steel", "polypropylene", "glazed stoneware"];
+        let mut outcome = json!({
+            "scene": name, "state": "done", "work": home.path().join(&name).join("gprop"), "exit": 0,
+            "seconds": 20.0 + 10.0 * bell(3), "peak_memory_bytes": 900_000_000, "warnings": usize::from(number % 25 == 3),
+            "parts": 1 + number % 9, "gaussians": 20_000 + 37 * number, "views": 10, "model": "gpt-4o",
+            "asked": { "requests": usize::from(number % 10 == 0), "input_tokens": 900, "output_tokens": 90, "usd": 0.0031 },
+            "mass_kg": { "low": mass / width, "mid": mass, "high": mass * width },
+            "volume_m3": { "low": mass / 2000.0, "mid": mass / 1000.0, "high": mass / 500.0 },
+            "materials": [materials[number % 4], materials[(number + 1) % 4]], "key": "made up",
+        });
+        if number % 100 == 50 {
+            let results = ["mass_kg", "volume_m3", "parts", "gaussians", "views", "materials"];
+            results.iter().for_each(|key| drop(outcome.as_object_mut().unwrap().remove(*key)));
+            outcome["state"] = json!("failed");
+            outcome["exit"] = json!(3);
+            outcome["error"] = json!("no camera sees the object\nLook at transforms.json.");
+        }
+        lines += &format!("{outcome}\n");
+    }
+    fs::write(results.join("shard-0-of-1.jsonl"), lines).unwrap();
+    let merged = crate::run::gprop().arg("batch").arg(home.path()).args(["--merge", "--quiet"]).output().unwrap();
+    assert_eq!(merged.status.code(), Some(6), "{}", stderr(&merged));
+    let page = results.join("index.html");
+    (home, page)
+}
+
+/// Milliseconds that a script may take until the rows are laid out: a tenth of a second feels immediate, and a busy machine
+/// is several times slower.
+const FLUENT_MS: f64 = 500.0;
+
+#[test]
+fn thousands_of_rows_are_sorted_and_filtered_at_once() {
+    let (_home, file) = many(5000);
+    let url = format!("file://{}", file.display());
+    let Some(page) = Page::open("thousands_of_rows", &url, "tbody tr") else { return };
+    let took = |script: &str| {
+        let timed = format!(
+            "{{ const start = performance.now(); {script}; document.body.offsetHeight; performance.now() - start; }}"
+        );
+        let ms = page.evaluate(&timed).as_f64().unwrap();
+        println!("{ms:.0} ms for {script}");
+        assert!(ms < FLUENT_MS, "{ms} ms for {script}");
+    };
+    let press = |name: &str| {
+        took(&format!(
+            "[...document.querySelectorAll('thead button, .mark')].find((b) => b.textContent.startsWith({name:?})).click()"
+        ));
+    };
+    let look_for = |words: &str| {
+        took(&format!(
+            "document.getElementById('filter').value = {words:?}; document.getElementById('filter').dispatchEvent(new Event('input'))"
+        ));
+    };
+    let first = || page.evaluate("document.querySelector('tbody .name').firstChild.textContent.trim()");
+    let count = || page.text("#count");
+    press("mass, kg");
+    press("mass, kg");
+    assert_eq!((first(), count()), ("scene-00007".into(), "5000 scenes".to_owned()));
+    press("failed 50");
+    assert_eq!((first(), count()), ("scene-00050".into(), "50 of 5000 scenes".to_owned()));
+    press("failed 50");
+    press("unusually heavy");
+    assert_eq!(first(), Value::from("scene-00007"));
+    press("unusually heavy");
+    look_for("oak scene-0001");
+    assert_eq!(count(), "5 of 5000 scenes");
+    look_for("");
+    took(
+        "document.querySelectorAll('figure')[0].querySelector('rect:last-of-type').dispatchEvent(new MouseEvent('click', { bubbles: true }))",
+    );
+    assert_eq!((first(), count()), ("scene-00007".into(), "1 of 5000 scenes".to_owned()), "the bar of the heaviest");
+    page.click("#all");
+    assert_eq!(count(), "5000 scenes");
+    // Every scene that has a mass is in one bar of either histogram.
+    let in_bars = "[...document.querySelectorAll('figure')].map((figure) => [...figure.querySelectorAll('rect')].reduce((sum, bar) => sum + parseInt(bar.ariaLabel), 0)).join()";
+    assert_eq!(page.evaluate(in_bars), Value::from("4950,4950"));
+    let in_table = || page.evaluate("document.querySelectorAll('tbody tr').length").as_u64().unwrap();
+    assert!(in_table() < 1000, "only the rows near the visible ones");
+    page.evaluate("scrollTo(0, document.body.scrollHeight)");
+    page.wait_for("tbody tr:nth-child(250)");
     assert_eq!(page.complaints(), Vec::<String>::new());
 }

@@ -1,6 +1,8 @@
 //! `index.html`: all scenes of a batch on one page that opens from disk and can be sorted and searched; each scene has
 //! a small picture and a link to its report. Scene names and error texts are escaped by the template engine.
 
+mod distribution;
+
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Component, Path};
@@ -17,10 +19,12 @@ use crate::pictures::thumbnail;
 use crate::report::ESTIMATED;
 use crate::report::style;
 use crate::units::Estimate;
-use crate::words::readable::figures;
+use crate::words::output::thousands;
+use crate::words::readable::{figures, significant};
 use crate::workdir::Artifact;
 
 use super::{BatchError, Outcome, State, Summary, memory};
+use distribution::{Fences, histogram};
 
 /// Name of the page.
 pub const FILE: &str = "index.html";
@@ -39,18 +43,111 @@ pub fn write(summary: &Summary, title: &str, home: &Path) -> Result<(), BatchErr
     files::write::file(&path, |out| out.write_all(page.as_bytes())).map_err(|source| BatchError::Io { path, source })
 }
 
+/// The columns of the histograms' quantities.
+const MASS_COLUMN: usize = 4;
+const WIDTH_COLUMN: usize = 5;
+
+/// What of a scene deserves a look, as words on its row and as the buttons that show such rows alone.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Mark {
+    Failed,
+    NoResult,
+    Heavy,
+    Light,
+    Wide,
+    Warnings,
+}
+
+impl Mark {
+    const ALL: [Self; 6] = [Self::Failed, Self::NoResult, Self::Heavy, Self::Light, Self::Wide, Self::Warnings];
+
+    fn text(self) -> &'static str {
+        match self {
+            Self::Failed => "failed",
+            Self::NoResult => "no result",
+            Self::Heavy => "unusually heavy",
+            Self::Light => "unusually light",
+            Self::Wide => "unusually wide interval",
+            Self::Warnings => "with warnings",
+        }
+    }
+
+    /// True for a number that is far from those of the other scenes.
+    fn is_outlier(self) -> bool {
+        matches!(self, Self::Heavy | Self::Light | Self::Wide)
+    }
+}
+
+/// Where masses and the widths of their intervals are far from those of the other scenes.
+struct Usual {
+    mass: Option<Fences>,
+    width: Option<Fences>,
+}
+
+impl Usual {
+    fn marks(&self, outcome: &Outcome) -> Vec<Mark> {
+        let mut marks = Vec::new();
+        match outcome.state {
+            State::Failed => marks.push(Mark::Failed),
+            State::Skipped => marks.push(Mark::NoResult),
+            State::Done => {}
+        }
+        if let Some((mass, fences)) = outcome.results.mass_kg.zip(self.mass) {
+            marks.extend((mass.mid > fences.high).then_some(Mark::Heavy));
+            marks.extend((mass.mid < fences.low).then_some(Mark::Light));
+        }
+        let width = outcome.results.mass_kg.and_then(width);
+        marks.extend(width.zip(self.width).filter(|(width, fences)| *width > fences.high).map(|_| Mark::Wide));
+        marks.extend((outcome.warnings > 0).then_some(Mark::Warnings));
+        marks
+    }
+}
+
+/// How many times its lower end the upper end of an interval is.
+fn width(estimate: Estimate) -> Option<f64> {
+    (estimate.low > 0.0).then(|| estimate.high / estimate.low)
+}
+
 fn page(summary: &Summary, title: &str, home: &Path) -> String {
-    let known = summary.outcomes.par_iter().map(|outcome| (&outcome.scene, row(outcome, home)));
-    let unknown = summary.missing.par_iter().map(|name| (name, context! { name, state => "unknown", rank => 1 }));
+    let masses = || summary.outcomes.iter().filter_map(|outcome| outcome.results.mass_kg);
+    let mids: Vec<f64> = masses().map(|mass| mass.mid).filter(|mass| *mass > 0.0).collect();
+    let widths: Vec<f64> = masses().filter_map(width).collect();
+    let usual = Usual { mass: Fences::of(&mids), width: Fences::of(&widths) };
+    let known = summary.outcomes.par_iter().map(|outcome| (&outcome.scene, row(outcome, &usual.marks(outcome), home)));
+    let no_result = [Mark::NoResult.text()];
+    let unknown = summary
+        .missing
+        .par_iter()
+        .map(|name| (name, context! { name, state => "unknown", rank => 1, marks => no_result }));
     let rows: BTreeMap<&String, Value> = known.chain(unknown).collect();
+    let plots = [
+        histogram("Masses", MASS_COLUMN, "kg", &mids),
+        histogram("Intervals of the masses: upper end / lower end", WIDTH_COLUMN, "times", &widths),
+    ];
     let data = context! {
         title,
         tiles => tiles(summary),
+        plots => plots.into_iter().flatten().collect::<Vec<_>>(),
+        marks => counted_marks(summary, &usual),
+        asked => summary.asked.requests > 0,
         rows => rows.into_values().collect::<Vec<_>>(),
         style => Value::from_safe_string(include_str!("page.css").to_owned()),
         script => Value::from_safe_string(include_str!("page.js").to_owned()),
     };
     style::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
+}
+
+/// The marks that any scene has, each with the number of scenes.
+fn counted_marks(summary: &Summary, usual: &Usual) -> Vec<Value> {
+    let mut counts: BTreeMap<Mark, usize> = BTreeMap::from([(Mark::NoResult, summary.missing.len())]);
+    for mark in summary.outcomes.iter().flat_map(|outcome| usual.marks(outcome)) {
+        *counts.entry(mark).or_default() += 1;
+    }
+    let button = |mark: Mark| {
+        let count = counts.get(&mark).copied().filter(|count| *count > 0)?;
+        Some(context! { text => mark.text(), count })
+    };
+    Mark::ALL.into_iter().filter_map(button).collect()
 }
 
 fn tiles(summary: &Summary) -> Vec<Value> {
@@ -62,6 +159,10 @@ fn tiles(summary: &Summary) -> Vec<Value> {
     }
     if !summary.missing.is_empty() {
         tiles.push(tile("no result", summary.missing.len().to_string()));
+    }
+    if summary.asked.requests > 0 {
+        tiles.push(tile("requests", thousands(summary.asked.requests as u64)));
+        tiles.push(tile("cost", summary.asked.usd.map_or_else(|| "unknown".to_owned(), |usd| format!("{usd:.2} USD"))));
     }
     tiles.push(tile("total time", duration(summary.seconds)));
     tiles.push(tile("peak memory", format!("{:.2} GB", summary.peak_memory_bytes as f64 / memory::GIGABYTE)));
@@ -77,7 +178,7 @@ fn duration(seconds: f64) -> String {
 }
 
 /// The row of a scene; `rank` sorts states by how urgently they need attention.
-fn row(outcome: &Outcome, home: &Path) -> Value {
+fn row(outcome: &Outcome, marks: &[Mark], home: &Path) -> Value {
     let (state, rank) = match (outcome.state, outcome.warnings) {
         (State::Failed, _) => ("failed", 0),
         (State::Skipped, _) => ("skipped", 1),
@@ -86,12 +187,16 @@ fn row(outcome: &Outcome, home: &Path) -> Value {
     };
     let report = outcome.work.join(Artifact::ReportHtml.path());
     let results = &outcome.results;
+    let outliers = marks.iter().filter(|mark| mark.is_outlier()).map(|mark| mark.text());
+    let width = results.mass_kg.and_then(width);
     let named = &results.materials[..results.materials.len().min(MATERIALS)];
     context! {
         name => &outcome.scene,
         state,
         rank,
         warnings => outcome.warnings,
+        marks => marks.iter().map(|mark| mark.text()).collect::<Vec<_>>(),
+        outliers => outliers.collect::<Vec<_>>(),
         error => outcome.error.as_deref().map(error),
         picture => (outcome.state != State::Skipped)
             .then(|| picture(&outcome.work.join(Artifact::Thumbnail.path())))
@@ -100,11 +205,14 @@ fn row(outcome: &Outcome, home: &Path) -> Value {
         materials => named.join("; "),
         more_materials => results.materials.len() - named.len(),
         mass => results.mass_kg.map(|mass| cell(mass, 1.0, results.estimated_scale)),
+        width => width.map(|width| context! { value => width, text => significant(width) }),
         volume => results.volume_m3.map(|volume| cell(volume, 1e6, results.estimated_scale)),
         parts => results.parts,
         gaussians => results.gaussians,
         views => results.views,
         seconds => outcome.seconds,
+        usd => outcome.asked.usd,
+        requests => outcome.asked.requests,
     }
 }
 

@@ -1,29 +1,21 @@
 //! `gprop batch`: runs many scenes, or lists their state.
 
+mod display;
+mod dry_run;
+
 use std::path::Path;
 
-use serde::Serialize;
-
-use crate::batch::{Batch, BatchError, BatchQuestions, Outcome, Shard, Standing, State, Summary, Task};
+use crate::batch::{Batch, BatchError, BatchQuestions, Summary, Task};
 use crate::error::{Result, UsageError};
 use crate::pipeline::{self, Stage};
 use crate::query::AnswerSource;
 use crate::query::batch_api;
 use crate::query::client;
-use crate::words::output::one_line;
-use crate::words::progress::{self, Progress};
+use crate::words::progress;
 
 use super::{BatchArgs, Global, options_of, print, print_text, scene, shown};
 use crate::words::output::{agreeing, counted};
-
-/// A scene in the output of a dry run.
-#[derive(Serialize)]
-struct DryScene<'a> {
-    name: &'a str,
-    standing: Standing,
-    bytes: u64,
-    need_bytes: u64,
-}
+pub use display::Display;
 
 /// Runs the command.
 pub fn run(global: &Global, args: &BatchArgs) -> Result<()> {
@@ -37,7 +29,7 @@ pub fn run(global: &Global, args: &BatchArgs) -> Result<()> {
     let batch = Batch::new(&args.folder, args.out.as_deref(), args.batch.clone(), task)?;
     batch.warnings().iter().for_each(|warning| tracing::warn!("{warning}"));
     if args.dry_run {
-        return dry_run(global, &batch);
+        return dry_run::print_state(global, args, &batch);
     }
     if args.merge {
         let summary = batch.merge()?;
@@ -48,13 +40,10 @@ pub fn run(global: &Global, args: &BatchArgs) -> Result<()> {
         let options_of = |scene: &Path| options_of(scene, &global.flags.typed);
         return questions(global, step, &batch, &BatchQuestions::new(&batch, &args.options, &options_of)?);
     }
-    let (total, mut ended) = (batch.scenes().count(), 0);
-    announce(&args.options, total)?;
-    let progress = global.progress();
-    let summary = batch.run(&mut |outcome| {
-        ended += usize::from(outcome.state != State::Skipped);
-        tell(global, progress, outcome, ended, total);
-    })?;
+    announce(&args.options, batch.scenes().count())?;
+    let mut display = Display::new(global);
+    let summary = batch.run(&mut |news| display.take(&news))?;
+    drop(display);
     if !global.json && !global.quiet {
         // Of several shards, the page is written by --merge.
         print_text(&if batch.shard().of == 1 { with_page(&summary, &batch) } else { summary.table() })?;
@@ -86,58 +75,6 @@ pub fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
     };
     progress::notice(&format!("asking {destination} about {which} ({budget})"));
     Ok(())
-}
-
-/// Reports an outcome as a line of JSON on stdout, or as a line for people on stderr.
-pub fn tell(global: &Global, progress: Progress, outcome: &Outcome, ended: usize, total: usize) {
-    if global.json {
-        let line = serde_json::to_string(outcome).expect("an outcome is plain data");
-        // A closed stdout must not stop the batch: everything is in its file too.
-        let _ = print_text(&line);
-        return;
-    }
-    let state = match outcome.state {
-        State::Done => "done",
-        State::Failed => "FAILED",
-        // A warning has already named it.
-        State::Skipped => return,
-    };
-    progress.line(&format!("{:<9} {ended}/{total} {} {:.1} s", state, outcome.scene, outcome.seconds));
-}
-
-fn dry_run(global: &Global, batch: &Batch) -> Result<()> {
-    let standing = batch.standing()?;
-    let scenes: Vec<DryScene> = standing
-        .iter()
-        .map(|(scene, standing)| DryScene {
-            name: &scene.name,
-            standing: *standing,
-            bytes: scene.bytes,
-            need_bytes: batch.need(scene),
-        })
-        .collect();
-    let Shard { index, of } = batch.shard();
-    let skipped: Vec<String> = batch.skipped().map(|outcome| outcome.scene).collect();
-    print(global, &serde_json::json!({ "shard": index, "of": of, "scenes": scenes, "skipped": skipped }), || {
-        let line = |scene: &DryScene| {
-            let state = match scene.standing {
-                Standing::ToDo => "to do",
-                Standing::Done => "done",
-                Standing::Failed => "failed",
-            };
-            let megabytes = |bytes: u64| bytes as f64 / 1e6;
-            let DryScene { name, bytes, need_bytes, .. } = scene;
-            let name = one_line(name);
-            format!(
-                "{name}  {state}  {:.1} MB of files, {:.0} MB of memory\n",
-                megabytes(*bytes),
-                megabytes(*need_bytes)
-            )
-        };
-        let skipped = skipped.iter().map(|name| format!("{name}  skipped\n"));
-        scenes.iter().map(line).chain(skipped).collect::<String>()
-            + &format!("{} in shard {index}/{of}", counted(scenes.len(), "scene"))
-    })
 }
 
 /// Refuses a `--from` that would be ignored or that every scene would refuse.

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 
 use super::asker::{AskError, Asker, Correction, Reply, ReplyContent, Request};
-use super::budget::{Budget, NotSent};
+use super::budget::{Budget, NotSent, Spent};
 use super::cost::Cost;
 use super::queries::Queries;
 use super::whole::{WholeOutcome, WholeQuestion};
@@ -250,6 +250,8 @@ impl<'a> Live<'a> {
         let cost = Cost::of_request(&texts, subject.sheet_size, question.usual_tokens, tokens, self.budget.price());
         let request = Request { question, picture: &subject.jpeg, correction };
         let reply = self.asker.ask(request, &self.budget.account(cost));
+        let Spent { requests, usage: Usage { input_tokens, output_tokens }, usd, .. } = self.budget.spent();
+        self.progress.asked(requests, input_tokens, output_tokens, usd);
         let Reply { content, usage, served_model } = reply.map_err(|error| match error {
             AskError::Failed(message) => Halt::Question(Failure::Endpoint { message }),
             AskError::Fatal(message) => Halt::All(Stop::Endpoint(message)),
