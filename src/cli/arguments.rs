@@ -48,6 +48,9 @@ pub struct Global {
     pub threads: Option<usize>,
     #[arg(skip)]
     pub flags: StageFlags,
+    /// True in the process of a scene of a batch.
+    #[arg(skip)]
+    pub is_in_batch: bool,
 }
 
 /// The stages' flags of a command line, by where they come from.
@@ -342,7 +345,7 @@ pub struct BatchArgs {
     /// [default: SCENE/gprop and FOLDER/gprop/batch]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// List the scenes, their state and their expected memory, without running them.
+    /// List the scenes with their state, their expected memory and what asking about them would cost, without running them.
     #[arg(long)]
     pub dry_run: bool,
     /// Run nothing; write one summary of all shards, which must all have been run with the same choice of scenes.
@@ -568,9 +571,9 @@ pub enum Evaluate {
         /// Scene folders with results of `gprop run` and with `ground_truth/parts.json`; with --weights, meshes too.
         #[arg(required_unless_present_any = ["predictions", "data_set"])]
         scenes: Vec<PathBuf>,
-        /// What a kitchen scale says: CSV with the columns name,mass_kg, where the name is that of a scene's folder, or of a
-        /// mesh without its ending
-        #[arg(long, value_name = "FILE", value_parser = option_values::file(), requires = "scenes")]
+        /// What a kitchen scale says: CSV with the columns name,mass_kg, where the name is that of a scene's folder, of a
+        /// mesh without its ending, or of a scene in `gprop batch`
+        #[arg(long, value_name = "FILE", value_parser = option_values::file(), conflicts_with = "predictions")]
         weights: Option<PathBuf>,
         /// Also score what a model says of the mass without gprop, as `gprop query SCENE --direct` recorded it
         #[arg(long, value_name = "WHAT", requires = "scenes")]
@@ -579,7 +582,7 @@ pub enum Evaluate {
         /// `gprop batch --out` wrote
         #[arg(long, value_name = "DIR")]
         out: Option<PathBuf>,
-        /// Folder of a data set that states weights (ABO-500), on which `gprop batch` was run
+        /// Folder on which `gprop batch` was run, of a data set that states weights (ABO-500) or with --weights
         #[arg(long, value_name = "DIR", value_parser = option_values::folder())]
         #[arg(conflicts_with_all = ["scenes", "allow_read"])]
         data_set: Option<PathBuf>,

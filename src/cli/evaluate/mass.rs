@@ -1,5 +1,6 @@
 //! `gprop evaluate mass`: the masses of scenes and meshes, beside what a model says without gprop, as a table.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::{one_scene_only, scores_text, shown_parts};
@@ -12,9 +13,10 @@ use crate::pipeline::Stage;
 use crate::pipeline::stages::query::direct_session;
 use crate::pipeline::stored::{self, StoredRun};
 use crate::query::{AnswerSource, DirectGuess, WholeOutcome};
+use crate::scene::dataset::{self, Entry};
 use crate::words::output::{counted, one_line};
 use crate::words::shell;
-use crate::workdir::Artifact;
+use crate::workdir::{Artifact, WorkDirError};
 
 /// What to evaluate.
 pub struct Asked<'a> {
@@ -54,6 +56,64 @@ pub fn evaluate(global: &Global, asked: &Asked) -> Result<()> {
     };
     let found = MassEvaluation { direct, ..masses::evaluate(objects)? };
     print(global, &found, || text(&found))
+}
+
+/// Scores the masses of the scenes in a folder: of all whose weight is in the file `weights`, or else in the data set.
+pub fn evaluate_data_set(
+    global: &Global,
+    folder: &Path,
+    split: Option<&str>,
+    out: Option<&Path>,
+    weights: Option<&Path>,
+) -> Result<()> {
+    let given = weights.map(|path| masses::read_weights(path).with_context(|| format!("{path:?}"))).transpose()?;
+    let mut chosen = dataset::list(folder, None)?.scenes;
+    chosen.retain(|entry| split.is_none() || entry.split.as_deref() == split);
+    if let (Some(path), Some(given)) = (weights, &given) {
+        tell_of_unknown(given, path, &chosen);
+    }
+    let weight_of = |entry: &Entry| given.as_ref().map_or(entry.mass_kg, |given| given.get(&entry.name).copied());
+    let (mut objects, mut missing, mut known) = (Vec::new(), Vec::new(), 0);
+    for entry in &chosen {
+        let Some(weight_kg) = weight_of(entry) else { continue };
+        known += 1;
+        let work = out.map(|out| out.join(&entry.name));
+        match StoredRun::open(&entry.folder, work.as_deref(), &[Stage::Parts]) {
+            Ok(stored) => objects.push(masses::from_weight(&entry.name, &stored.path(Artifact::Parts), weight_kg)?),
+            Err(WorkDirError::Unfinished { .. }) => missing.push(entry.name.clone()),
+            Err(error) => return Err(error.into()),
+        }
+    }
+    if objects.is_empty() {
+        let of_split = split.map(|split| format!(" of the split {split:?}")).unwrap_or_default();
+        let states = weights.unwrap_or(folder);
+        let problem = match known {
+            0 => format!(
+                "{states:?} states no weight of a scene{of_split}; check --data-set and --split, or give --weights FILE with the \
+                 columns name,mass_kg"
+            ),
+            _ => format!(
+                "{states:?} states the weights of {}{of_split}, none of which has been run; run `gprop batch` first, or give \
+                 its --out",
+                counted(known, "scene")
+            ),
+        };
+        return Err(UsageError(problem).into());
+    }
+    let found = MassEvaluation { missing, ..masses::evaluate(objects)? };
+    print(global, &found, || text(&found))
+}
+
+/// Warns of names in a file of weights that are no scenes: they may be misspelt.
+fn tell_of_unknown(given: &BTreeMap<String, f64>, path: &Path, scenes: &[Entry]) {
+    let names: BTreeSet<&str> = scenes.iter().map(|entry| entry.name.as_str()).collect();
+    let unknown: Vec<&String> = given.keys().filter(|name| !names.contains(name.as_str())).collect();
+    if let (Some(first), Some(scene)) = (unknown.first(), names.first()) {
+        tracing::warn!(
+            "{path:?} has {} that no chosen scene has (first: {first:?}; scenes are called like {scene:?})",
+            counted(unknown.len(), "name")
+        );
+    }
 }
 
 /// The name of a scene's folder, or of a mesh without its ending.

@@ -18,7 +18,6 @@ use crate::evaluate::filling;
 use crate::evaluate::hardness::{self, HardnessEvaluation, Measured, Reading};
 use crate::evaluate::masks::{Reference, compare};
 use crate::evaluate::mass as masses;
-use crate::evaluate::mass::MassEvaluation;
 use crate::evaluate::parts::{TrueView, most_shown};
 use crate::evaluate::prompts;
 use crate::evaluate::scores::Scores;
@@ -29,11 +28,10 @@ use crate::files::read_scope::ReadScope;
 use crate::from_splat::photo_with_foreground;
 use crate::pipeline::stored::{self, StoredRun};
 use crate::pipeline::{self, Stage, open_segmenter};
-use crate::scene::{self, SceneError, dataset};
+use crate::scene::{self, SceneError};
 use crate::segment;
 use crate::setup;
 use crate::words::output::{counted, one_line};
-use crate::workdir::{Artifact, WorkDirError};
 
 use super::arguments::TrueParts;
 use super::{Evaluate, Global, options_of, print};
@@ -63,8 +61,8 @@ pub fn evaluate(global: &Global, what: &Evaluate) -> Result<()> {
             let found = masses::evaluate(masses::from_json(predictions, truth)?)?;
             print(global, &found, || mass::text(&found))
         }
-        Evaluate::Mass { data_set: Some(folder), split, out, .. } => {
-            evaluate_data_set(global, folder, split.as_deref(), out.as_deref())
+        Evaluate::Mass { data_set: Some(folder), split, out, weights, .. } => {
+            mass::evaluate_data_set(global, folder, split.as_deref(), out.as_deref(), weights.as_deref())
         }
         Evaluate::Mass { scenes, out, weights, beside, allowed, .. } => {
             let allow_read = &allowed.allow_read;
@@ -90,36 +88,6 @@ fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>, allow_read: &[
     let views = mapped.map(|view| true_view(scene, view, &open.options.scene, false));
     let part_ids: Vec<u32> = field.part_ids().collect();
     Ok(most_shown(&gaussians, &part_ids, &views.collect::<Result<Vec<_>>>()?))
-}
-
-/// The scenes of a data set that states their weights.
-fn evaluate_data_set(global: &Global, folder: &Path, split: Option<&str>, out: Option<&Path>) -> Result<()> {
-    let listed = dataset::list(folder, None)?.scenes;
-    let chosen = listed.into_iter().filter(|entry| split.is_none() || entry.split.as_deref() == split);
-    let (mut objects, mut missing, mut weights) = (Vec::new(), Vec::new(), 0);
-    for entry in chosen {
-        let Some(weight_kg) = entry.mass_kg else { continue };
-        weights += 1;
-        let work = out.map(|out| out.join(&entry.name));
-        match StoredRun::open(&entry.folder, work.as_deref(), &[Stage::Parts]) {
-            Ok(stored) => objects.push(masses::from_weight(&entry.name, &stored.path(Artifact::Parts), weight_kg)?),
-            Err(WorkDirError::Unfinished { .. }) => missing.push(entry.name),
-            Err(error) => return Err(error.into()),
-        }
-    }
-    if objects.is_empty() {
-        let of_split = split.map(|split| format!(" of the split {split:?}")).unwrap_or_default();
-        let problem = match weights {
-            0 => format!("{folder:?} states no weight of a scene{of_split}; check --data-set and --split"),
-            _ => format!(
-                "{folder:?} states the weights of {}{of_split}, none of which has been run; run `gprop batch` first",
-                counted(weights, "scene")
-            ),
-        };
-        return Err(UsageError(problem).into());
-    }
-    let found = MassEvaluation { missing, ..masses::evaluate(objects)? };
-    print(global, &found, || mass::text(&found))
 }
 
 fn evaluate_hardness(global: &Global, points: &Path, out: Option<&Path>, allow_read: &[PathBuf]) -> Result<()> {
