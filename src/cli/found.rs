@@ -88,7 +88,12 @@ fn parts_of_views(file: &Value) -> String {
     let parts = all.len() - pieces;
     let with_pieces = match pieces {
         0 => String::new(),
-        _ => format!("; {} divided into pieces, {pieces} in all", agreeing(parts, "it is", "some are")),
+        _ => format!(
+            "; {} of {} may be of another material, so the model is asked about {} as well",
+            counted(pieces, "smaller region"),
+            agreeing(parts, "it", "them"),
+            agreeing(pieces, "it", "them"),
+        ),
     };
     format!("{}{with_pieces}\n", counted(parts, "part"))
 }
@@ -167,7 +172,13 @@ mod tests {
         let (part, piece) = (json!({ "piece_of": null }), json!({ "piece_of": 1 }));
         let text = |parts: &[&Value]| parts_of_views(&json!({ "parts": parts }));
         assert_eq!(text(&[&part, &part]), "2 parts\n");
-        assert_eq!(text(&[&part, &part, &piece, &piece]), "2 parts; some are divided into pieces, 2 in all\n");
-        assert_eq!(text(&[&part, &piece, &piece]), "1 part; it is divided into pieces, 2 in all\n");
+        assert_eq!(
+            text(&[&part, &part, &piece, &piece]),
+            "2 parts; 2 smaller regions of them may be of another material, so the model is asked about them as well\n"
+        );
+        assert_eq!(
+            text(&[&part, &piece, &piece]),
+            "1 part; 2 smaller regions of it may be of another material, so the model is asked about them as well\n"
+        );
     }
 }

@@ -279,8 +279,8 @@ fn search(
 fn note_on_command(gripper: &GripperProfile) -> Option<String> {
     (!gripper.is_calibrated()).then(|| {
         format!(
-            "gripper {:?} has no calibration points: its command is taken to be linear in the force; `gprop grasp \
-             calibrate` makes a profile from measurements",
+            "no one has measured which force the commands of gripper {:?} give, so the command is only in proportion to the \
+             force: send it the force, or measure and make a profile with `gprop grasp calibrate`",
             gripper.name
         )
     })

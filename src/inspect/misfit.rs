@@ -34,7 +34,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
         few.par_iter().map(|view| overlap_in(scene, view, &whole)).collect::<Result<_, _>>()?;
     let problem = match upper_median(overlaps.into_iter().flatten().collect()) {
         Some(iou) if iou < LEAST_IOU => {
-            format!("the object's outlines in the photos and in the splat overlap by only {:.0} % (IoU)", 100.0 * iou)
+            format!("the object's outlines in the photos and in the splat overlap by only {:.0} %", 100.0 * iou)
         }
         Some(_) => return Ok(None),
         None => match verdict::of(scene, &few, &[], Progress::Hidden)? {

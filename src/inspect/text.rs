@@ -107,8 +107,8 @@ pub(super) fn foreground(source: ForegroundSource) -> &'static str {
 
 fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
     let numbers = |fit: &ViewFit| {
-        let iou = fit.mask_iou.map_or(String::new(), |iou| format!("   mask IoU {iou:.3}"));
-        format!("{}: {:.2} dB{iou}", fit.name, fit.psnr_db)
+        let overlap = fit.mask_iou.map_or(String::new(), |iou| format!("   outlines overlap by {:.1} %", 100.0 * iou));
+        format!("{}: {:.2} dB{overlap}", fit.name, fit.psnr_db)
     };
     let mut lines: Vec<(String, String)> = Vec::new();
     for (index, fit) in fits.iter().take(LISTED_VIEWS).enumerate() {
@@ -123,7 +123,10 @@ fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
         let (low, mid, high) = (sorted[0], sorted[sorted.len() / 2], sorted[sorted.len() - 1]);
         lines.push((
             "PSNR".to_owned(),
-            format!("{low:.2} to {high:.2} dB, median {mid:.2} of {}", counted(fits.len(), "view")),
+            format!(
+                "{low:.2} to {high:.2} dB, median {mid:.2} of {}; the higher, the more the splat looks like the photos",
+                counted(fits.len(), "view")
+            ),
         ));
     }
     lines

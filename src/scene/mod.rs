@@ -206,8 +206,12 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     }
     // Messages name places, which users look up in the splat.
     if let Some(set_aside) = object::outliers::set_aside(as_read.as_mut().unwrap_or(&mut object), progress)? {
-        let kind = if set_aside.are_few() { &mut found.notes } else { &mut found.warnings };
-        kind.push(set_aside.to_string());
+        if set_aside.are_few() {
+            found.notes.push(set_aside.to_string());
+        } else {
+            let remedy = "if the report shows that something of the object is missing, train the splat again";
+            found.warnings.push(format!("{set_aside}; {remedy}"));
+        }
     }
     if let Some(as_read) = &as_read {
         object.set_aside.clone_from(&as_read.set_aside);

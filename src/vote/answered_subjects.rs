@@ -81,7 +81,9 @@ impl<'a> AnsweredSubjects<'a> {
             let present = ids_of(view);
             found.in_maps += present.iter().filter(|present| **present).count();
             if !present.contains(&true) {
-                found.warnings.push(format!("view `{}` has no {what}s and casts no votes", view.name));
+                found
+                    .warnings
+                    .push(format!("view `{}` shows no {what}s, so materials are found without it", view.name));
             }
             let mut index = vec![None; present.len()];
             for id in (0..present.len()).filter(|&id| present[id]) {
@@ -99,7 +101,11 @@ impl<'a> AnsweredSubjects<'a> {
             let (count, list) = (unanswered.len(), shortened(&unanswered));
             let (of, cast) = (
                 counted(found.in_maps, what),
-                agreeing(count, "has no answer and casts no votes", "have no answer and cast no votes"),
+                agreeing(
+                    count,
+                    "has no answer, so what it shows takes the material around it",
+                    "have no answer, so what they show takes the material around it",
+                ),
             );
             found.warnings.push(format!("{count} of {of} {cast}: {list}"));
         }

@@ -344,7 +344,10 @@ impl Votes<'_> {
         let invisible = self.subjects.subjects.iter().zip(&self.identity.seen).filter(|(_, seen)| **seen == 0);
         let note = |subject: &AnsweredSubject| {
             let (view, caption) = (self.views[subject.view].name, &subject.answer.caption);
-            format!("part or segment {} of view `{view}` ({caption}) covers no Gaussian", subject.id)
+            format!(
+                "the answer about part or segment {} in view `{view}` ({caption}) does not count: the splat shows nothing there",
+                subject.id
+            )
         };
         invisible.map(|(subject, _)| note(subject)).collect()
     }

@@ -124,6 +124,7 @@ fn what_is_set_aside_is_transparent_and_stays_in_the_file() {
     let clean = ball();
     let said = set_aside(&mut gaussians, Progress::Hidden).unwrap().unwrap().to_string();
     assert!(said.contains("set aside 1 of 3000") && said.contains("Gaussian 2 (counted from 0)"), "{said}");
+    assert!(said.contains("neither drawn nor weighed") && !said.contains("scene units"), "{said}");
     assert_eq!(bytes(&gaussians), before);
     assert_eq!((gaussians.opacity(2), gaussians.opacity(3)), (0.0, clean.opacity(3)));
 

@@ -486,17 +486,23 @@ fn what_is_left_out_is_said() {
     let warnings = |file: &[u8]| ply::parse(file).unwrap().warnings;
     assert!(warnings(&[&good[..], b"tail"].concat())[0].starts_with("4 bytes after the last Gaussian"));
     let camera = with_header(&good, |header| header.replace("end_", "element camera 1\nproperty float fov\nend_"));
-    assert_eq!(warnings(&[&camera[..], &[0; 4]].concat()), ["element `camera` is neither read nor kept"]);
+    assert_eq!(
+        warnings(&[&camera[..], &[0; 4]].concat()),
+        ["the file's element `camera` is not used, and field.ply does not have it"]
+    );
     let mut properties = splat(2, 0);
     properties.push(property("id", "int", &[1.0, 2.0]));
     assert!(warnings(&encode(&properties, Encoding::Little))[0].contains("`id` is kept as float32"));
     // One situation makes one message.
     properties.push(property("time", "double", &[1.0, 2.0]));
     let rounded = warnings(&encode(&properties, Encoding::Little));
-    assert_eq!(rounded, ["properties `id`, `time` are kept as float32, rounded from a wider type"]);
+    assert_eq!(rounded, ["properties `id`, `time` are rounded to 32 bits, which no result depends on"]);
     let two = "element camera 0\nproperty float fov\nelement a 1\nproperty char a\nelement b 1\nproperty char b\nend_";
     let two = with_header(&good, |header| header.replace("end_", two));
-    assert_eq!(warnings(&[&two[..], &[0; 2]].concat()), ["elements `a`, `b` are neither read nor kept"]);
+    assert_eq!(
+        warnings(&[&two[..], &[0; 2]].concat()),
+        ["the file's elements `a`, `b` are not used, and field.ply does not have them"]
+    );
     // An element of plain rows before the vertices is skipped.
     let before = with_header(&good, |header| {
         header.replace("element vertex", "element camera 1\nproperty float fov\nelement vertex")

@@ -140,7 +140,12 @@ fn a_segment_on_no_gaussian_is_named() {
     for rule in BOTH_RULES {
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
         assert_eq!(field.labels.len(), 1);
-        assert_eq!(field.notes, ["part or segment 2 of view `view0` (ghost) covers no Gaussian"]);
+        assert_eq!(
+            field.notes,
+            [
+                "the answer about part or segment 2 in view `view0` (ghost) does not count: the splat shows nothing there"
+            ]
+        );
     }
 }
 
@@ -368,7 +373,7 @@ fn a_segment_without_an_answer_takes_its_neighbours_material_unseen() {
         assert_eq!((field.views[last], field.votes[last], field.confidence[last]), (0, 0.0, 0.0), "{rule:?}");
         assert!(field.views[0] > 0);
         let said = field.warnings.join("\n");
-        assert!(said.contains("3 of 6 segments have no answer and cast no votes: view0/2, view1/2, view2/2"), "{said}");
+        assert!(said.contains("3 of 6 segments have no answer, so what they show takes the material around it: view0/2, view1/2, view2/2"), "{said}");
     }
 }
 

@@ -194,11 +194,8 @@ fn material<'a>(
     // A similar name in another family means something else: petal is not metal.
     let nearest = library.nearest_of_family(name, &written.family).filter(|(_, likeness)| *likeness >= LIKENESS);
     match (unknown, nearest) {
-        (Unknown::TakeNearest, Some((material, likeness))) => {
-            flags.push(format!(
-                "{name:?} is not in the library; the nearest name, {}, is used (similarity {likeness:.2})",
-                material.name
-            ));
+        (Unknown::TakeNearest, Some((material, _))) => {
+            flags.push(format!("{name:?} is not in the library; the nearest name, {}, is used", material.name));
             Ok(material)
         }
         (_, nearest) => {

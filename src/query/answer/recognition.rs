@@ -317,9 +317,9 @@ fn material<'a>(
     }
     // Names are the model's own here, often with words about the part in them: any material of the family that shares a word is
     // nearer than none.
-    if let Some((found, likeness)) = library.nearest_of_family(name, &family.name) {
+    if let Some((found, _)) = library.nearest_of_family(name, &family.name) {
         if fold(&found.name) != fold(name) {
-            flags.push(format!("{name:?} is taken for {} (similarity {likeness:.2})", found.name));
+            flags.push(format!("{name:?} is not in the library; the nearest name, {}, is used", found.name));
         }
         return Ok(found);
     }

@@ -87,13 +87,27 @@ pub enum Miss {
     Unusable,
 }
 
+/// A share in whole percent, rounded down: one that will not do never looks like one that would.
+fn percent(share: f64) -> f64 {
+    (100.0 * share).floor()
+}
+
 impl std::fmt::Display for Miss {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::Live => f.write_str("--answers live always asks"),
             Self::View => f.write_str("nothing is recorded for this photo"),
             Self::Prompt => f.write_str("recorded only for another prompt, library or model"),
-            Self::Mask { iou } => write!(f, "the nearest recorded mask has an IoU of {iou:.2}, below {MASK_IOU}"),
+            Self::Mask { iou } if percent(*iou) == 0.0 => {
+                f.write_str("no answer recorded for this photo is about this region of it")
+            }
+            Self::Mask { iou } => write!(
+                f,
+                "the answers recorded for this photo are about other regions of it: the nearest overlaps this one by {} %, and {} % \
+                 would do",
+                percent(*iou),
+                percent(MASK_IOU)
+            ),
             Self::Unusable => f.write_str("the recorded answer does not have the form that was asked for"),
         }
     }

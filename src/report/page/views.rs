@@ -6,7 +6,7 @@ use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, SubjectAnswer, SubjectId};
 use crate::report::{AnswerCounts, Disagreement, Pictures, Report, ViewPictures};
 use crate::vote::FieldLabel;
-use crate::words::output::counted;
+use crate::words::output::{agreeing, counted};
 use crate::words::part_name::part_name;
 use crate::words::readable::significant;
 
@@ -19,13 +19,15 @@ pub(super) fn views(pictures: &Pictures, answers: &Answers) -> Vec<Value> {
 
 /// A sentence about the sources of the answers.
 pub(super) fn sentence(counts: &AnswerCounts) -> String {
-    format!(
-        "Answers: {} ({} to exactly these questions, {} recorded for overlapping masks). Failed questions: {}.",
-        counts.answered(),
-        counts.exact,
-        counts.by_mask,
-        counts.failed,
-    )
+    let by_mask = match counts.by_mask {
+        0 => String::new(),
+        some => format!(", of which {some} {} given for slightly different outlines", agreeing(some, "was", "were")),
+    };
+    let failed = match counts.failed {
+        0 => String::new(),
+        some => format!("; {} without an answer", counted(some, "question")),
+    };
+    format!("{}{by_mask}{failed}.", counted(counts.answered(), "answer"))
 }
 
 /// The parts about which the answers disagree, each with all its sheets.
@@ -99,7 +101,7 @@ fn row(answer: &SubjectAnswer, pictures: &Pictures) -> Value {
             flags => &answer.flags,
             found => match answer.matched {
                 Match::Exact | Match::Live => "recorded".to_owned(),
-                Match::Mask { iou } => format!("recorded, mask IoU {iou:.3}"),
+                Match::Mask { iou } => format!("recorded for an outline that overlaps this one by {:.0} %", (100.0 * iou).floor()),
             },
         },
         Outcome::Failed(failure) => context! { name => failure.to_string(), found => "failed" },

@@ -27,8 +27,9 @@ use thiserror::Error;
 use crate::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
 use crate::numeric::nearest::Nearest;
 use crate::numeric::upper_median;
-use crate::words::output::thousands;
+use crate::words::output::{agreeing, thousands};
 use crate::words::progress::Progress;
+use crate::words::readable::significant;
 
 /// With fewer Gaussians it is not possible to say what is usual among them.
 const LEAST_GAUSSIANS: usize = 32;
@@ -315,16 +316,19 @@ impl Core {
 
 impl fmt::Display for SetAside {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { count, of, first, center, reach, excess, size } = self;
+        let Self { count, of, first, center, reach, size, .. } = self;
         write!(
             f,
-            "set aside {count} of {of} Gaussians, which cannot belong to the object: not drawn, not measured, unchanged in \
-             field.ply. The first is Gaussian {first} (counted from 0) at {:.3},{:.3},{:.3}: it reaches {reach:.3} scene units \
-             past the centres of all others, {:.2} times the object's size and {excess:.1} times the extent of its neighbours",
+            "set aside {count} of {of} Gaussians, {} too large or too far away to belong to the object: {} neither drawn nor \
+             weighed, and field.ply keeps {}. The first is Gaussian {first} (counted from 0) at \
+             {:.3},{:.3},{:.3}, which reaches {} times the object's size beyond everything else",
+            agreeing(*count, "which is", "which are"),
+            agreeing(*count, "it is", "they are"),
+            agreeing(*count, "it", "them"),
             center.x,
             center.y,
             center.z,
-            reach / size,
+            significant(reach / size),
         )
     }
 }

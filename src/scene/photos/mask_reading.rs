@@ -229,12 +229,14 @@ fn by_splat(samples: &[Sample], usual: &MaskColor) -> Option<Reading> {
         return None;
     }
     let why = if color == *usual {
-        format!("and overlapping the splat by {usually:.2} (IoU)")
+        format!("which fits the splat ({:.0} % overlap)", 100.0 * usually)
     } else {
         format!(
-            "since {} they overlap the splat by {fits:.2} (IoU), but {} by {usually:.2}; --mask-color overrides this",
+            "since they fit the splat better so: read as {} they overlap it by {:.0} %, as {} by {:.0} %; --mask-color overrides this",
             in_words(&color),
+            100.0 * fits,
             in_words(usual),
+            100.0 * usually,
         )
     };
     Some(Reading { color, why })
@@ -433,7 +435,9 @@ impl Turns {
         let (as_is, turned) = self.overlaps.filter(|(as_is, turned)| turned > as_is)?;
         Some(format!(
             "masks are turned by the EXIF orientation of their photos, which they do not have themselves: they then overlap the \
-             splat by {turned:.2} (IoU) instead of {as_is:.2}"
+             splat by {:.0} % instead of {:.0} %",
+            100.0 * turned,
+            100.0 * as_is
         ))
     }
 }

@@ -118,7 +118,8 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
             }
         }
         warnings.push(format!(
-            "nothing is known about the inside of {}: only a skin one cell thick is simulated there",
+            "nothing is known about the inside of {}, so only a thin skin of it is simulated, which may be lighter and softer than \
+             the real thing",
             names.join(", ")
         ));
     }

@@ -172,7 +172,7 @@ impl Layout {
         }
         if !rounded.is_empty() {
             self.warnings.push(format!(
-                "{} {} {} kept as float32, rounded from a wider type",
+                "{} {} {} rounded to 32 bits, which no result depends on",
                 agreeing(rounded.len(), "property", "properties"),
                 quoted(&rounded),
                 agreeing(rounded.len(), "is", "are"),
@@ -189,14 +189,14 @@ impl Layout {
             return;
         }
         let left_out = format!(
-            "{} {} {} neither read nor kept",
+            "the file's {} {} {} not used, and field.ply does not have {}",
             agreeing(others.len(), "element", "elements"),
             quoted(&others),
             agreeing(others.len(), "is", "are"),
+            agreeing(others.len(), "it", "them"),
         );
         if others.contains(&SHARP_MARK) && others.iter().all(|name| OF_SHARP.contains(name)) {
-            self.notes
-                .push(format!("Apple's SHARP: the {left_out}; they describe the photo that the splat was made from"));
+            self.notes.push(format!("Apple's SHARP: {left_out}; they describe the photo that the splat was made from"));
         } else {
             self.warnings.push(left_out);
         }
