@@ -209,6 +209,6 @@ fn thousands_of_rows_are_sorted_and_filtered_at_once() {
     let in_table = || page.evaluate("document.querySelectorAll('tbody tr').length").as_u64().unwrap();
     assert!(in_table() < 1000, "only the rows near the visible ones");
     page.evaluate("scrollTo(0, document.body.scrollHeight)");
-    page.wait_for("tbody tr:nth-child(250)");
+    page.wait_for("tbody tr:nth-child(150)");
     assert_eq!(page.complaints(), Vec::<String>::new());
 }

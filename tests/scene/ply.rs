@@ -492,7 +492,7 @@ fn what_is_left_out_is_said() {
     );
     let mut properties = splat(2, 0);
     properties.push(property("id", "int", &[1.0, 2.0]));
-    assert!(warnings(&encode(&properties, Encoding::Little))[0].contains("`id` is kept as float32"));
+    assert!(warnings(&encode(&properties, Encoding::Little))[0].contains("`id` is rounded to 32 bits"));
     // One situation makes one message.
     properties.push(property("time", "double", &[1.0, 2.0]));
     let rounded = warnings(&encode(&properties, Encoding::Little));
