@@ -348,7 +348,7 @@ fn failed_answers_cast_no_votes_and_are_counted() {
     assert_eq!((field.views[0], field.views[31]), (2, 1));
     let said = field.warnings.join("\n");
     assert!(said.contains("1 of 4 segments has no answer") && said.contains("view0/2"), "{said}");
-    assert!(said.contains("`view2` has no segments"), "{said}");
+    assert!(said.contains("`view2` shows no segments"), "{said}");
 
     let mut silent = Ballot::default();
     silent.view(&gaussians, front(0), &halves).outcome(1, failure()).outcome(2, failure());
