@@ -13,7 +13,7 @@ use crate::pictures::figure::Shown;
 use crate::pipeline::{self, FieldFlags, Stage};
 use crate::query::batch_api;
 use crate::scene::SizedMarker;
-use crate::{audit, batch, export, inspect, materials, objects, scene, setup};
+use crate::{audit, batch, export, grasp, inspect, materials, objects, scene, setup};
 
 /// More than the cores of any machine on which gprop was run. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
@@ -267,6 +267,15 @@ pub struct ExportArgs {
     /// Samples of the format `belief`.
     #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub samples: u32,
+    /// Origin of the object's own axes, for simulators and glTF.
+    #[arg(long, value_enum, default_value_t)]
+    pub origin: export::Origin,
+    /// Where these axes are by default, in metres: so exports that are loaded together stand side by side.
+    #[arg(long, value_name = "X,Y,Z", value_parser = grasp::options::point, allow_hyphen_values = true, default_value = "0,0,0")]
+    pub at: [f64; 3],
+    /// Surface with which the frictions are.
+    #[arg(long, value_enum, default_value_t)]
+    pub friction: export::Counterface,
     /// Folder to write into.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use crate::config;
 use crate::error::{Context, Error, ErrorKind, Result, UsageError};
 use crate::exit;
-use crate::export::{Body, ExportError, Format, Table, compose};
+use crate::export::{Body, ExportError, Format, Origin, Table, compose};
 use crate::objects::{self, Objects, SomeFailed};
 use crate::parts::MassReading;
 use crate::pipeline::{OBJECT, Options, Stage, corrections_file, work_folder_of};
@@ -225,6 +225,10 @@ fn for_object(global: &Global, number: ObjectNumber) -> Global {
 /// Exports every object into one folder, and all of them as one scene in each format that can hold one.
 pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     let formats = scene::formats(args)?;
+    if args.origin != Origin::Input || args.at != [0.0; 3] {
+        let why = "--origin and --at are for one object: a scene of all objects keeps the places that they have in the capture";
+        return Err(UsageError(why.to_owned()).into());
+    }
     let found = StandingObjects::find(&args.scene, &args.options.scene)?;
     found.require_any()?;
     refuse_options_of_one_object(&args.scene, &args.options, found.count)?;

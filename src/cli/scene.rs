@@ -162,7 +162,14 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
     let plan = Plan::to(Stage::Parts);
     let mut pipeline = builder_with(global, &args.scene, args.work.as_deref(), options, plan).open()?;
     pipeline.run()?;
-    let wanted = ExportOptions { formats, colliders: args.colliders, samples: args.samples as usize };
+    let wanted = ExportOptions {
+        formats,
+        colliders: args.colliders,
+        samples: args.samples as usize,
+        origin: args.origin,
+        at: args.at,
+        friction: args.friction,
+    };
     let export::Exported { files, body } = pipeline::export::export(&mut pipeline, &wanted, &args.out)?;
     let open = pipeline.opened();
     let scale = stages::parts::scale(open)?;

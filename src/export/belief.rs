@@ -1,5 +1,6 @@
 //! What is believed of the object, as samples.
 
+use nalgebra::Vector3;
 use serde::Serialize;
 
 use super::placement::{Axes, Placement};
@@ -27,7 +28,8 @@ pub(super) fn write(
 ) -> Result<(), ExportError> {
     let raised = |sample: &Sample| {
         let mut sample = sample.clone();
-        sample.center_of_mass_m[2] += placement.rise;
+        let center = Vector3::from(sample.center_of_mass_m) - placement.origin + placement.place();
+        sample.center_of_mass_m = center.into();
         sample
     };
     let belief = Belief {

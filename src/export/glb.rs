@@ -29,7 +29,7 @@ pub(super) fn write(model: &Model, meshes: &Meshes, files: &mut Files) -> Result
         let (mesh, label) = (visual.meshes.len() - 1, label(model, *part));
         nodes.push(visual.node(json!({ "name": label, "mesh": mesh, "extras": part_facts(model, *part) })));
     }
-    visual.node_z_up(&name, &nodes, meshes.placement.rise);
+    visual.node_z_up(&name, &nodes, &meshes.placement.place());
     files.write(format!("{name}.glb"), |out| visual.write(&[], &extras_of_asset, out))?;
 
     let mut colliders = Gltf::default();
@@ -54,7 +54,7 @@ pub(super) fn write(model: &Model, meshes: &Meshes, files: &mut Files) -> Result
         let node = json!({ "name": label(model, part), "children": children, "extras": part_facts(model, part) });
         nodes.push(colliders.node(node));
     }
-    colliders.node_z_up(&name, &nodes, meshes.placement.rise);
+    colliders.node_z_up(&name, &nodes, &meshes.placement.place());
     files.write(format!("{name}_colliders.glb"), |out| colliders.write(&[], &extras_of_asset, out))
 }
 

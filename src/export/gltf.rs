@@ -4,6 +4,7 @@
 
 use std::io::{self, Write};
 
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 
 use crate::numeric::srgb_light;
@@ -179,17 +180,17 @@ impl Gltf {
         roots.first().copied().filter(|root| *root < self.nodes.len())
     }
 
-    /// Adds a node without parent, whose children are in axes with z up and raised by `rise`.
-    pub fn node_z_up(&mut self, name: &str, children: &[usize], rise: f64) {
-        self.node_z_up_with(name, children, rise, &Value::Null);
+    /// Adds a node without parent, whose children are in axes with z up and moved to `place`.
+    pub fn node_z_up(&mut self, name: &str, children: &[usize], place: &Vector3<f64>) {
+        self.node_z_up_with(name, children, place, &Value::Null);
     }
 
     /// The same with extensions, if there are any.
-    pub fn node_z_up_with(&mut self, name: &str, children: &[usize], rise: f64, extensions: &Value) {
+    pub fn node_z_up_with(&mut self, name: &str, children: &[usize], place: &Vector3<f64>, extensions: &Value) {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let mut root = json!({ "name": name, "rotation": [-half, 0.0, 0.0, half], "children": children });
-        if rise != 0.0 {
-            root["translation"] = json!([0.0, rise, 0.0]);
+        if *place != Vector3::zeros() {
+            root["translation"] = json!([place.x, place.z, -place.y]);
         }
         if !extensions.is_null() {
             root["extensions"] = extensions.clone();

@@ -15,22 +15,23 @@ pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
 /// In metres if the scale is known, in scene units otherwise.
 pub(super) fn write(model: &Model, placement: &Placement, files: &mut Files) -> Result<(), ExportError> {
     let mut gltf = Gltf::default();
-    let mesh = add(&mut gltf, &model.splat());
+    let mesh = add(&mut gltf, &model.splat(placement));
     let of_label =
         |label: &FieldLabel| json!({ "part": label.id, "caption": label.caption, "material": label.material });
     let labels: Vec<_> = model.field.labels.iter().map(of_label).collect();
     let node = gltf.node(json!({ "name": "splat", "mesh": mesh, "extras": { "parts": labels } }));
     let (name, extras) = (identifier(model.name), asset_extras(model, placement));
-    gltf.node_z_up(&name, &[node], placement.rise);
+    gltf.node_z_up(&name, &[node], &placement.place());
     files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], &extras, out))
 }
 
 /// Adds the Gaussians as a mesh, and returns its index.
 pub(super) fn add(gltf: &mut Gltf, splat: &Splat) -> usize {
-    let Splat { gaussians, meters_per_unit: meters, field } = *splat;
+    let Splat { gaussians, meters_per_unit: meters, origin, field } = *splat;
     let all = || 0..gaussians.len();
     let mut attributes = Map::new();
-    let positions: Vec<[f32; 3]> = all().map(|i| (gaussians.center(i) * meters).map(|c| c as f32).into()).collect();
+    let positions: Vec<[f32; 3]> =
+        all().map(|i| (gaussians.center(i) * meters - origin).map(|c| c as f32).into()).collect();
     attributes.insert("POSITION".to_owned(), json!(gltf.floats(&positions, true)));
     let byte = |dc: f32| ((0.5 + SH_C0 * dc).clamp(0.0, 1.0) * 255.0).round() as u8;
     let colors: Vec<[u8; 3]> = gaussians.sh_dc.iter().map(|dc| dc.map(byte)).collect();

@@ -2,7 +2,7 @@
 //! and the skin, which collides with nothing; and a scene with this body on a floor. All names begin with that of the
 //! body, so that a scene may include several.
 //!
-//! Friction is the part's on rubber, the only one in the library: MuJoCo uses the larger friction of two geoms in
+//! Friction is the part's on rubber or steel: MuJoCo uses the larger friction of two geoms in
 //! contact. As in MuJoCo's own models, visual geoms are in group 2 and colliders in group 3, which viewers hide.
 
 use std::fmt::Write;
@@ -32,7 +32,7 @@ fn body(rigid: &Rigid) -> String {
         let (name, label) = (rigid.collider_name(collider), rigid.label(collider));
         let _ = writeln!(assets, r#"    <mesh name="{name}" file="meshes/{name}.obj"/>"#);
         let color = spaced(palette::part(collider.part).map(f64::from));
-        let (friction, time) = (label.friction_rubber.mid, time_constant_s(rigid, label));
+        let (friction, time) = (rigid.friction(collider), time_constant_s(rigid, label));
         let softness = time.map_or_else(String::new, |time| format!(r#" solref="{time} 1""#));
         let _ = writeln!(
             geoms,
@@ -68,9 +68,10 @@ fn body(rigid: &Rigid) -> String {
 "#,
         note = rigid.comments(),
         name = rigid.name,
-        place = match rigid.placement.rise {
-            0.0 => String::new(),
-            rise => format!(r#" pos="0 0 {rise}""#),
+        place = if rigid.placement.place() == Vector3::zeros() {
+            String::new()
+        } else {
+            format!(r#" pos="{}""#, spaced(rigid.placement.place().iter().copied()))
         },
         center = spaced(center),
     )
@@ -78,9 +79,9 @@ fn body(rigid: &Rigid) -> String {
 
 /// The body on a floor under its lowest point, lit and seen from the front.
 fn scene(rigid: &Rigid) -> String {
-    let rise = Vector3::z() * rigid.placement.rise;
+    let place = rigid.placement.place();
     let (low, high) = rigid.extent();
-    let (low, high) = (low + rise, high + rise);
+    let (low, high) = (low + place, high + place);
     let middle = nalgebra::center(&low, &high);
     let size = (high - low).norm();
     let at = spaced([middle.x, middle.y, middle.z]);

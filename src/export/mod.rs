@@ -1,6 +1,6 @@
 //! The result in the formats of other programs, with one module per format:
 //!
-//! - [`mjcf`], [`urdf`]: a rigid body for simulators, with its [`shape`] as convex colliders and as a picture on a mesh;
+//! - [`mjcf`], [`urdf`], [`sdf`]: a rigid body for simulators, with its [`shape`] as convex colliders and as a picture on a mesh;
 //! - [`usd`]: the same with its Gaussians and the places to grasp at;
 //! - [`glb`]: meshes of the parts, or the convex colliders; [`gltf_splat`]: the Gaussians;
 //! - [`ply_parts`]: the Gaussians of each part;
@@ -24,16 +24,18 @@ mod obj;
 mod physgaussian;
 mod placement;
 mod ply_parts;
+mod sdf;
 mod shape;
 mod table;
 mod urdf;
 mod usd;
 
+use std::borrow::Cow;
 use std::cell::OnceCell;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use nalgebra::{Point3, UnitQuaternion};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
@@ -42,12 +44,14 @@ use crate::files::write::Folder;
 use crate::gaussians::Gaussians;
 use crate::gaussians::bounds::robust_bounds;
 use crate::grasp::candidates::Candidate;
+use crate::materials::MaterialLibrary;
 use crate::parts::samples::Sample;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::scene::SupportSurface;
 use crate::units::{MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 pub use asset::{Asset, Colliders, below};
+pub use placement::Origin;
 use placement::{Axes, Placement};
 use shape::{Collider, PartMesh, Shape, Skin};
 use table::BodyCollider;
@@ -61,6 +65,8 @@ pub enum Format {
     Mjcf,
     /// Robot description: a link on a floating joint, visual mesh, convex meshes, friction
     Urdf,
+    /// SDFormat, for Gazebo: a model of one link, visual mesh, convex meshes, friction of each part
+    Sdf,
     /// NumPy: per-Gaussian and per-part arrays
     Npz,
     /// Samples of mass, centre, inertia, materials and frictions, to randomise a simulation over what is not known
@@ -91,13 +97,24 @@ impl Format {
 
     /// Whether the scene of several objects in this format has them as [bodies](Body).
     pub fn has_bodies(self) -> bool {
-        matches!(self, Self::Mjcf | Self::Urdf | Self::Usda | Self::Usdz | Self::Glb)
+        matches!(self, Self::Mjcf | Self::Urdf | Self::Sdf | Self::Usda | Self::Usdz | Self::Glb)
     }
 
     /// Whether only a scene that was made of a mesh has it.
     pub fn needs_mesh(self) -> bool {
         matches!(self, Self::Asset | Self::Csv)
     }
+}
+
+/// The surface with which the exported frictions are.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Counterface {
+    /// A gripper's rubber pads
+    #[default]
+    Rubber,
+    /// Smooth steel, such as bare fingers or a machine's table
+    Steel,
 }
 
 /// The data to export.
@@ -122,6 +139,11 @@ pub struct Model<'a> {
     pub cameras: &'a [Camera],
     /// The places to grasp at, best first.
     pub grasps: &'a [Candidate],
+    /// With steel, frictions are those that this library has for the parts' materials; else on rubber.
+    pub on_steel: Option<&'a MaterialLibrary>,
+    pub origin: Origin,
+    /// Where the object stands by default, m.
+    pub at: Vector3<f64>,
     /// Name of the file that holds the splat.
     pub source: &'a str,
     /// The files that the scene was read from, which no export replaces.
@@ -140,9 +162,14 @@ impl Model<'_> {
         self.scale.filter(|scale| scale.source == ScaleSource::Estimated).map(|_| ESTIMATED_SCALE)
     }
 
-    fn splat(&self) -> Splat<'_> {
+    /// The friction of a part.
+    fn friction(&self, label: &FieldLabel) -> f64 {
+        friction(label, self.on_steel)
+    }
+
+    fn splat(&self, placement: &Placement) -> Splat<'_> {
         let meters_per_unit = self.scale.map_or(1.0, |scale| scale.meters_per_unit);
-        Splat { gaussians: self.gaussians, meters_per_unit, field: Some(self.field) }
+        Splat { gaussians: self.gaussians, meters_per_unit, origin: placement.origin, field: Some(self.field) }
     }
 }
 
@@ -152,6 +179,8 @@ struct Splat<'a> {
     gaussians: &'a Gaussians,
     /// 1 if the scale is unknown.
     meters_per_unit: f64,
+    /// Positions are relative to this point, m.
+    origin: Vector3<f64>,
     /// The parts that they belong to; `None` if they were not divided into any.
     field: Option<&'a MaterialField>,
 }
@@ -179,6 +208,10 @@ pub enum ExportError {
          Split it, and run each object by itself"
     )]
     Bodies { count: usize },
+    #[error(
+        "the library of materials has no {material:?}, so its friction on steel is unknown; give the --materials of the run"
+    )]
+    NoFriction { material: String },
     #[error("{path:?} has changed since it was read; run again")]
     Changed { path: PathBuf },
     #[error("{path:?} lies outside of the folder of the mesh that uses it; copy it there, and name it there")]
@@ -219,11 +252,19 @@ pub fn export_body(model: &Model, formats: &[Format], folder: &Path) -> Result<E
         Some(own) => Model { gaussians: &own.gaussians, as_read: &own.as_read, field: &own.field, ..*model },
         None => *model,
     };
-    let shared = Shared { model, shape: OnceCell::new(), skin: OnceCell::new(), part_meshes: OnceCell::new() };
+    if let Some(library) = model.on_steel
+        && let Some(label) = model.field.labels.iter().find(|label| library.get(&label.material).is_none())
+    {
+        return Err(ExportError::NoFriction { material: label.material.clone() });
+    }
+    let shared = Shared::of(model);
+    // A mesh that is written again stays where it is.
+    let in_place = Model { origin: Origin::Input, at: Vector3::zeros(), ..*model };
+    let in_place = Shared::of(&in_place);
     // What the object lacks for a format is found out before a file is written.
     for format in formats {
         match format {
-            Format::Mjcf | Format::Urdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
+            Format::Mjcf | Format::Urdf | Format::Sdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
             Format::Glb => drop(shared.part_meshes()?),
             Format::Asset => {
                 model.asset.ok_or(ExportError::NotAMesh)?;
@@ -231,7 +272,8 @@ pub fn export_body(model: &Model, formats: &[Format], folder: &Path) -> Result<E
             }
             Format::Csv => drop(model.asset.ok_or(ExportError::NotAMesh)?),
             Format::Belief => drop(shared.parts()?),
-            Format::GltfSplat | Format::PlyParts | Format::Npz | Format::Physgaussian => {}
+            Format::GltfSplat => drop(shared.placement()?),
+            Format::PlyParts | Format::Npz | Format::Physgaussian => {}
         }
     }
     let inputs = model.inputs.iter().filter_map(|path| path.canonicalize().ok()).collect();
@@ -240,17 +282,18 @@ pub fn export_body(model: &Model, formats: &[Format], folder: &Path) -> Result<E
         match format {
             Format::Mjcf => mjcf::write(&shared.rigid()?, &mut files)?,
             Format::Urdf => urdf::write(&shared.rigid()?, &mut files)?,
+            Format::Sdf => sdf::write(&shared, &mut files)?,
             Format::Usda => usd::write_usda(model, &shared.rigid()?, &mut files)?,
             Format::Usdz => usd::write_usdz(model, &shared.rigid()?, &mut files)?,
             Format::Glb => glb::write(model, &shared.meshes()?, &mut files)?,
-            Format::GltfSplat => gltf_splat::write(model, &shared.placement(), &mut files)?,
+            Format::GltfSplat => gltf_splat::write(model, &shared.placement()?, &mut files)?,
             Format::PlyParts => ply_parts::write(model, &mut files)?,
             Format::Npz => npz::write(model, &mut files)?,
             Format::Belief => {
-                belief::write(model.name, model.samples, &shared.placement(), model.note_on_scale(), &mut files)?;
+                belief::write(model.name, model.samples, &shared.placement()?, model.note_on_scale(), &mut files)?;
             }
             Format::Physgaussian => physgaussian::write(model, &mut files)?,
-            Format::Asset => asset::write(&model.asset.ok_or(ExportError::NotAMesh)?, &shared, &mut files)?,
+            Format::Asset => asset::write(&model.asset.ok_or(ExportError::NotAMesh)?, &in_place, &mut files)?,
             Format::Csv => asset::write_tables(&model.asset.ok_or(ExportError::NotAMesh)?, model, &mut files)?,
         }
     }
@@ -287,11 +330,22 @@ struct Shared<'a> {
     part_meshes: OnceCell<Vec<PartMesh>>,
 }
 
+impl<'a> Shared<'a> {
+    fn of(model: &'a Model<'a>) -> Self {
+        Self { model, shape: OnceCell::new(), skin: OnceCell::new(), part_meshes: OnceCell::new() }
+    }
+}
+
 impl Shared<'_> {
     fn shape(&self) -> Result<&Shape, ExportError> {
         let Model { interior, field, support, .. } = self.model;
         let scale = self.model.scale.ok_or(PartsError::ScaleUnknown)?;
-        Ok(self.shape.get_or_init(|| Shape::of(interior, &field.labels, *support, scale.meters_per_unit)))
+        if let Some(shape) = self.shape.get() {
+            return Ok(shape);
+        }
+        let shape = Shape::of(interior, &field.labels, *support, scale.meters_per_unit);
+        let origin = self.origin(&shape.colliders)?;
+        Ok(self.shape.get_or_init(|| shape.around(origin)))
     }
 
     fn part_meshes(&self) -> Result<&[PartMesh], ExportError> {
@@ -301,17 +355,48 @@ impl Shared<'_> {
     }
 
     fn meshes(&self) -> Result<Meshes<'_>, ExportError> {
-        Ok(Meshes { shape: self.shape()?, parts: self.part_meshes()?, placement: self.placement() })
+        Ok(Meshes { shape: self.shape()?, parts: self.part_meshes()?, placement: self.placement()? })
+    }
+
+    /// Where the object's own origin is in the world's frame, m.
+    fn origin(&self, colliders: &[Collider]) -> Result<Vector3<f64>, ExportError> {
+        Ok(match self.model.origin {
+            Origin::Input => Vector3::zeros(),
+            Origin::Base => {
+                let (low, high) = self.reach(colliders);
+                nalgebra::center(&low, &Point3::new(high.x, high.y, low.z)).coords
+            }
+            Origin::Com => self.parts()?.object.center_of_mass_m.into(),
+        })
+    }
+
+    /// The corners of the box around the colliders or, if there are none, around the Gaussians.
+    fn reach(&self, colliders: &[Collider]) -> (Point3<f64>, Point3<f64>) {
+        let mut vertices = colliders.iter().flat_map(|collider| &collider.vertices);
+        let Some(first) = vertices.next() else {
+            let meters_per_unit = self.model.scale.map_or(1.0, |scale| scale.meters_per_unit);
+            let bounds = robust_bounds(self.model.gaussians);
+            return (bounds.min * meters_per_unit, bounds.max * meters_per_unit);
+        };
+        vertices.fold((*first, *first), |(low, high), v| (low.inf(v), high.sup(v)))
     }
 
     /// The object stands on its lowest collider or, if it has none, on its lowest Gaussian.
-    fn placement(&self) -> Placement {
+    fn placement(&self) -> Result<Placement, ExportError> {
+        let Model { world_from_input, origin, at, .. } = *self.model;
         let meters_per_unit = self.model.scale.map_or(1.0, |scale| scale.meters_per_unit);
-        Placement::new(self.model.world_from_input, meters_per_unit, || {
-            let colliders = self.shape().map_or(&[][..], |shape| &shape.colliders);
-            let lowest = colliders.iter().flat_map(|collider| &collider.vertices).map(|v| v.z).reduce(f64::min);
-            lowest.unwrap_or_else(|| robust_bounds(self.model.gaussians).min.z * meters_per_unit)
-        })
+        let shape = || self.shape().ok();
+        let mut placement = match origin {
+            Origin::Input => Placement::new(world_from_input, meters_per_unit, || {
+                self.reach(shape().map_or(&[], |shape| &shape.colliders)).0.z
+            }),
+            Origin::Base | Origin::Com => {
+                let around = shape().map_or_else(|| self.origin(&[]), |shape| Ok(shape.origin))?;
+                Placement::around(around, world_from_input, meters_per_unit)
+            }
+        };
+        placement.at = at;
+        Ok(placement)
     }
 
     /// The parts of an object that has a mass.
@@ -325,13 +410,18 @@ impl Shared<'_> {
         let (Ok(parts), shape) = (self.parts(), self.shape()?) else { return Ok(None) };
         let object = &parts.object;
         let labels = &self.model.field.labels;
+        let placement = self.placement()?;
+        let collider_of = |collider: &Collider| BodyCollider {
+            shape: collider.clone(),
+            friction: self.model.friction(label_of(labels, collider.part)),
+        };
         Ok((!shape.colliders.is_empty()).then(|| Body {
             name: body_name(self.model.name),
-            rise_m: self.placement().rise,
+            place_m: placement.place(),
             mass_kg: object.mass_kg.mid,
-            center_m: object.center_of_mass_m,
+            center_m: (Vector3::from(object.center_of_mass_m) - placement.origin).into(),
             inertia_kg_m2: object.inertia_kg_m2,
-            colliders: shape.colliders.iter().map(|collider| BodyCollider::of(collider, labels)).collect(),
+            colliders: shape.colliders.iter().map(collider_of).collect(),
         }))
     }
 
@@ -342,17 +432,19 @@ impl Shared<'_> {
         if shape.colliders.is_empty() || skin.mesh.volume() <= 0.0 {
             return Err(ExportError::NoShape);
         }
+        let placement = self.placement()?;
         Ok(Rigid {
             name: body_name(self.model.name),
             parts,
             labels: &self.model.field.labels,
             colliders: &shape.colliders,
             skin,
-            grasps: self.model.grasps,
+            grasps: moved(self.model.grasps, placement.origin),
+            on_steel: self.model.on_steel,
             source: self.model.source,
             note_on_scale: self.model.note_on_scale(),
             own_mesh: None,
-            placement: self.placement(),
+            placement,
         })
     }
 }
@@ -372,7 +464,8 @@ struct Rigid<'a> {
     labels: &'a [FieldLabel],
     colliders: &'a [Collider],
     skin: &'a Skin,
-    grasps: &'a [Candidate],
+    grasps: Cow<'a, [Candidate]>,
+    on_steel: Option<&'a MaterialLibrary>,
     source: &'a str,
     note_on_scale: Option<&'static str>,
     placement: Placement,
@@ -398,15 +491,16 @@ impl Rigid<'_> {
     /// Mass in kg, centre of mass in m, inertia about it in kg m^2 with world axes: the middle estimates.
     fn inertial(&self) -> (f64, [f64; 3], [[f64; 3]; 3]) {
         let object = &self.parts.object;
-        (object.mass_kg.mid, object.center_of_mass_m, object.inertia_kg_m2)
+        let center = Vector3::from(object.center_of_mass_m) - self.placement.origin;
+        (object.mass_kg.mid, center.into(), object.inertia_kg_m2)
     }
 
     /// The least friction of all colliders; of all parts that have a mass, if there are no colliders.
     fn least_friction(&self) -> f64 {
         if self.colliders.is_empty() {
-            return least_friction(self.labels, self.parts);
+            return least_friction(self.labels, self.parts, self.on_steel);
         }
-        let of_colliders = self.colliders.iter().map(|collider| self.label(collider).friction_rubber.mid);
+        let of_colliders = self.colliders.iter().map(|collider| self.friction(collider));
         of_colliders.fold(f64::INFINITY, f64::min)
     }
 
@@ -416,6 +510,10 @@ impl Rigid<'_> {
         let mut vertices = self.colliders.iter().flat_map(|collider| &collider.vertices).chain(of_skin);
         let first = *vertices.next().expect("an object with a mass has a shape");
         vertices.fold((first, first), |(low, high), v| (low.inf(v), high.sup(v)))
+    }
+
+    fn friction(&self, collider: &Collider) -> f64 {
+        friction(self.label(collider), self.on_steel)
     }
 
     fn label(&self, collider: &Collider) -> &FieldLabel {
@@ -429,9 +527,31 @@ impl Rigid<'_> {
 }
 
 /// The least friction of all parts that have a mass.
-fn least_friction(labels: &[FieldLabel], parts: &Parts) -> f64 {
+fn least_friction(labels: &[FieldLabel], parts: &Parts, on_steel: Option<&MaterialLibrary>) -> f64 {
     let has_mass = |label: &&FieldLabel| parts.of_label(label.id).is_some_and(|part| part.mass_kg.is_some());
-    labels.iter().filter(has_mass).map(|label| label.friction_rubber.mid).fold(f64::INFINITY, f64::min)
+    labels.iter().filter(has_mass).map(|label| friction(label, on_steel)).fold(f64::INFINITY, f64::min)
+}
+
+/// The friction of a part on rubber, or on steel as a library has it for the part's material.
+fn friction(label: &FieldLabel, on_steel: Option<&MaterialLibrary>) -> f64 {
+    match on_steel {
+        None => label.friction_rubber.mid,
+        Some(library) => library.get(&label.material).map_or(f64::NAN, |material| material.friction_steel.mid()),
+    }
+}
+
+/// Places to grasp at, relative to an origin.
+fn moved(places: &[Candidate], origin: Vector3<f64>) -> Cow<'_, [Candidate]> {
+    if origin == Vector3::zeros() {
+        return Cow::Borrowed(places);
+    }
+    let relative = |point: [f64; 3]| (Vector3::from(point) - origin).into();
+    let places = places.iter().cloned().map(|mut place| {
+        place.contacts_m = place.contacts_m.map(relative);
+        place.position_m = relative(place.position_m);
+        place
+    });
+    Cow::Owned(places.collect())
 }
 
 /// What a glTF says of the whole asset: its place in the input's frame, and the note on the scale if there is one.

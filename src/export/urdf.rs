@@ -7,6 +7,8 @@
 
 use std::fmt::Write;
 
+use nalgebra::Vector3;
+
 use super::{ExportError, Files, OwnMesh, Rigid, obj, spaced};
 
 /// What the root weighs: a milligram with the inertia of a ball of 1 mm, 2/5 m r^2.
@@ -23,7 +25,7 @@ fn text(rigid: &Rigid) -> String {
     let raised = if rise == 0.0 { String::new() } else { format!(r#"<origin xyz="0 0 {rise}" rpy="0 0 0"/>"#) };
     let mut colliders = String::new();
     for collider in rigid.colliders {
-        let (name, friction) = (rigid.collider_name(collider), rigid.label(collider).friction_rubber.mid);
+        let (name, friction) = (rigid.collider_name(collider), rigid.friction(collider));
         let _ = write!(
             colliders,
             r#"    <collision name="{name}">
@@ -42,7 +44,7 @@ fn text(rigid: &Rigid) -> String {
         r#"{note}<robot name="{name}" xmlns:drake="http://drake.mit.edu">
   <mujoco><compiler strippath="false" discardvisual="false"/></mujoco>
   <link name="{name}_root">{GRAIN}</link>
-  <joint name="{name}_free" type="floating"><parent link="{name}_root"/><child link="{name}"/></joint>
+  <joint name="{name}_free" type="floating">{at}<parent link="{name}_root"/><child link="{name}"/></joint>
   <link name="{name}">
     <contact><lateral_friction value="{least}"/></contact>
     <inertial>
@@ -61,6 +63,11 @@ fn text(rigid: &Rigid) -> String {
         i[0][1],
         i[0][2],
         i[1][2],
+        at = if rigid.placement.at == Vector3::zeros() {
+            String::new()
+        } else {
+            format!(r#"<origin xyz="{}" rpy="0 0 0"/>"#, spaced(rigid.placement.at.iter().copied()))
+        },
         note = rigid.comments(),
         name = rigid.name,
         center = spaced([x, y, z + rise]),

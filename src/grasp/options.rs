@@ -147,7 +147,11 @@ impl Options {
     }
 }
 
-fn point(text: &str) -> Result<[f64; 3], String> {
+/// Three numbers.
+///
+/// # Errors
+/// If it is anything else.
+pub fn point(text: &str) -> Result<[f64; 3], String> {
     let numbers: Result<Vec<f64>, _> = text.split(',').map(|number| number.trim().parse::<f64>()).collect();
     match numbers.as_deref() {
         Ok(&[x, y, z]) if [x, y, z].iter().all(|v| v.is_finite()) => Ok([x, y, z]),

@@ -35,10 +35,15 @@ pub fn write(shape: &LinkShape, claimed_mass_kg: Option<f64>, out: &mut dyn io::
         nodes.push(gltf.node(json!({ "mesh": mesh })));
     }
     let Some(mass) = claimed_mass_kg else {
-        gltf.node_z_up("link", &nodes, 0.0);
+        gltf.node_z_up("link", &nodes, &nalgebra::Vector3::zeros());
         return gltf.write(&[], &Value::Null, out);
     };
-    gltf.node_z_up_with("link", &nodes, 0.0, &json!({ EXTENSION: { "motion": { "mass": mass } } }));
+    gltf.node_z_up_with(
+        "link",
+        &nodes,
+        &nalgebra::Vector3::zeros(),
+        &json!({ EXTENSION: { "motion": { "mass": mass } } }),
+    );
     gltf.write(&[EXTENSION], &Value::Null, out)
 }
 

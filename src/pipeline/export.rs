@@ -5,7 +5,7 @@ use std::path::Path;
 use tracing::warn;
 
 use crate::error::Result;
-use crate::export::{self, Asset, Colliders, Exported, Format, Model};
+use crate::export::{self, Asset, Colliders, Counterface, Exported, Format, Model, Origin};
 use crate::grasp::GraspError;
 use crate::grasp::candidates::Candidate;
 use crate::units::MetricScale;
@@ -25,11 +25,16 @@ pub struct ExportOptions<'a> {
     pub colliders: Colliders,
     /// How many samples [`Format::Belief`] has.
     pub samples: usize,
+    pub origin: Origin,
+    /// Where the object stands by default, m.
+    pub at: [f64; 3],
+    /// The surface with which frictions are.
+    pub friction: Counterface,
 }
 
 /// Writes the object into `folder` once the parts are done.
 pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Exported> {
-    let ExportOptions { formats, colliders, samples } = *options;
+    let ExportOptions { formats, colliders, samples, origin, at, friction } = *options;
     let has_grasps = formats.iter().any(|format| format.has_grasps());
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
@@ -40,6 +45,7 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
     let scale = scale(open)?;
     let samples = if formats.contains(&Format::Belief) { samples_of(open, samples)? } else { None };
     let samples = samples.unwrap_or_default();
+    let library = open.options.materials.library()?;
     let model = Model {
         name: &open.scene.name,
         gaussians: &open.scene.gaussians,
@@ -53,6 +59,9 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
         samples: &samples,
         cameras: &cameras,
         grasps: &grasps,
+        on_steel: (friction == Counterface::Steel).then_some(&*library),
+        origin,
+        at: at.into(),
         source: &source,
         inputs: &open.scene.files,
         asset: open.scene.mesh.as_deref().map(|mesh| Asset { mesh, colliders }),

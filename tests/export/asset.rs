@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gprop::export::{Asset, Colliders, ExportError, Format, Model, export};
+use gprop::export::{Asset, Colliders, ExportError, Format, Model, Origin, export};
 use gprop::files::read_scope::ReadScope;
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{Options, PartsResult, parts_of_mesh};
@@ -110,6 +110,9 @@ impl Weighed {
             cameras: &[],
             samples: &[],
             grasps: &[],
+            on_steel: None,
+            origin: Origin::Input,
+            at: Vector3::zeros(),
             source: "box.glb",
             inputs: &self.scene.files,
             asset: Some(Asset { mesh, colliders }),

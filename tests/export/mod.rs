@@ -2,6 +2,8 @@
 
 // The mesh itself again, with its physics.
 mod asset;
+// The origin and place of an object; SDF; friction on steel.
+mod placement;
 // Several objects of a capture as one scene.
 mod table;
 
@@ -10,13 +12,14 @@ use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 
 use clap::ValueEnum;
-use gprop::export::{ExportError, Format, Model, export};
+use gprop::export::{ExportError, Format, Model, Origin, export};
 use gprop::gaussians::Gaussians;
 use gprop::grasp::Reason;
 use gprop::grasp::candidates::Candidate;
 use gprop::grasp::gripper::GripperProfile;
 use gprop::parts::{FILLING, Object, PartsError};
 use gprop::vote::field_ply;
+use nalgebra::Vector3;
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -37,6 +40,9 @@ fn model(measured: &Measured) -> Model<'_> {
         cameras: &measured.cameras,
         samples: &[],
         grasps: &[],
+        on_steel: None,
+        origin: Origin::Input,
+        at: Vector3::zeros(),
         source: "point_cloud.ply",
         inputs: &[],
         asset: None,

@@ -3,6 +3,7 @@
 mujoco_check.py load MODEL...                  mass, centre of mass, inertia of the object
 mujoco_check.py rest MODEL...                  how it moves after a fall of 2 cm on a plane
 mujoco_check.py table SCENE...                 mass, and how far it is moved and turned 2 s later, of each free body of a scene
+mujoco_check.py contacts SCENE...              how many contacts there are before anything moves
 mujoco_check.py lift MODEL GRASP.json          how far two pads raise it; GRASP: contacts_m, approach, finger_side_m, force_n
 """
 
@@ -214,11 +215,18 @@ def normal_forces(model, data):
     return [sums["left"], sums["right"]]
 
 
+def contacts(path):
+    model = compiled(path)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return data.ncon
+
+
 if __name__ == "__main__":
     what, *paths = sys.argv[1:]
     if what == "lift":
         with open(paths[1]) as file:
             result = lift(paths[0], json.load(file))
     else:
-        result = [{"load": load, "rest": rest, "table": table}[what](path) for path in paths]
+        result = [{"load": load, "rest": rest, "table": table, "contacts": contacts}[what](path) for path in paths]
     print(json.dumps(result))

@@ -73,7 +73,7 @@ impl Facts {
             center_of_mass: frame.point(object.center_of_mass_m.into()).into(),
             inertia_kg_m2: std::array::from_fn(|row| std::array::from_fn(|column| inertia[(row, column)])),
             meters_per_unit: frame.meters_per_unit,
-            friction_rubber: least_friction(&model.field.labels, parts),
+            friction_rubber: least_friction(&model.field.labels, parts, None),
             claimed_mass_kg: mesh.claimed_mass_kg,
             materials: material_names(&model.field.labels).into_iter().map(str::to_owned).collect(),
             parts: model.field.labels.iter().map(|label| part_facts(model, label.id)).collect(),

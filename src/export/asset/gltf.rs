@@ -224,7 +224,7 @@ impl<'a> Editor<'a> {
             let name = collider.name();
             // A node of no scene, so that the hull is not drawn.
             let shape = self.add_node(json!({ "name": format!("{name} hull"), "mesh": self.meshes - 1 }));
-            let friction = label_of(&shared.model.field.labels, collider.part).friction_rubber.mid;
+            let friction = shared.model.friction(label_of(&shared.model.field.labels, collider.part));
             let material = match material_of.get(&collider.part) {
                 Some(material) => *material,
                 None => self.add_physics_material(friction),

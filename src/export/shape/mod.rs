@@ -34,7 +34,7 @@ const TRIANGLES: usize = 12_000;
 /// A closed mesh: every edge belongs to two triangles, which run along it in opposite directions.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Mesh {
-    /// World frame; scene units while it is made, then metres.
+    /// World frame; scene units while it is made, then metres relative to the shape's origin.
     pub vertices: Vec<Point3<f64>>,
     /// Counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
@@ -135,6 +135,8 @@ pub struct Shape {
     solid: Solid,
     meters_per_unit: f64,
     footing: Option<Footing>,
+    /// Colliders and finished meshes are relative to this point of the world's frame, m.
+    pub origin: Vector3<f64>,
     pub colliders: Vec<Collider>,
 }
 
@@ -151,15 +153,23 @@ impl Shape {
         if let Some(footing) = &footing {
             colliders.iter_mut().for_each(|collider| footing.flatten_collider(collider));
         }
-        Self { solid, meters_per_unit, footing, colliders }
+        Self { solid, meters_per_unit, footing, origin: Vector3::zeros(), colliders }
     }
 
-    /// A mesh of the object, made in scene units, in metres and with a flat underside.
+    /// The same relative to another point.
+    pub fn around(mut self, origin: Vector3<f64>) -> Self {
+        let by = origin - self.origin;
+        self.colliders.iter_mut().flat_map(|collider| &mut collider.vertices).for_each(|vertex| *vertex -= by);
+        Self { origin, ..self }
+    }
+
+    /// A mesh of the object, made in scene units, in metres, with a flat underside and its own origin.
     fn finished(&self, mesh: Mesh) -> Mesh {
         let mut mesh = mesh.scaled(self.meters_per_unit);
         if let Some(footing) = &self.footing {
             footing.flatten_mesh(&mut mesh);
         }
+        mesh.vertices.iter_mut().for_each(|vertex| *vertex -= self.origin);
         mesh
     }
 }

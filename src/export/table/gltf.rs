@@ -39,7 +39,7 @@ pub fn write_splat(table: &Table, files: &mut Files) -> Result<(), ExportError> 
     if !table.surroundings.is_empty() {
         let mesh = gltf_splat::add(&mut gltf, &table.splat_of_surroundings());
         let node = gltf.node(json!({ "name": "splat", "mesh": mesh }));
-        gltf.node_z_up("surroundings", &[node], table.placement().rise);
+        gltf.node_z_up("surroundings", &[node], &table.placement().place());
     }
     files.write("scene_splat.glb", |out| gltf.write(&[gltf_splat::EXTENSION], &extras(table), out))
 }
@@ -126,7 +126,7 @@ impl Scene {
         let node = self.gltf.node(json!({ "name": "support", "mesh": mesh }));
         let collider = json!({ "collider": { "geometry": { "node": node, "convexHull": true } } });
         self.gltf.node_mut(node)["extensions"] = json!({ EXTENSION: collider });
-        self.gltf.node_z_up("table", &[node], 0.0);
+        self.gltf.node_z_up("table", &[node], &nalgebra::Vector3::zeros());
     }
 
     /// A mesh of one primitive, which also has the members of `look`.

@@ -10,7 +10,7 @@
 
 mod gltf;
 mod mjcf;
-mod sdf;
+pub(super) mod sdf;
 mod usd;
 
 use std::path::{Path, PathBuf};
@@ -19,12 +19,11 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::placement::Placement;
 use super::shape::Collider;
-use super::{ESTIMATED_SCALE, ExportError, Files, Format, Splat, body_name, label_of};
+use super::{ESTIMATED_SCALE, ExportError, Files, Format, Splat, body_name};
 use crate::gaussians::Gaussians;
 use crate::scene::Plane;
 use crate::scene::splat::ply;
 use crate::units::{MetricScale, ScaleSource};
-use crate::vote::FieldLabel;
 
 /// Objects of a capture that were exported into one folder.
 #[derive(Debug, Clone, Copy)]
@@ -53,8 +52,8 @@ pub struct Table<'a> {
 pub struct Body {
     /// Of letters, digits and underscores; its files are called so.
     pub name: String,
-    /// How far the body is raised.
-    pub rise_m: f64,
+    /// Where the body's axes are.
+    pub place_m: Vector3<f64>,
     pub mass_kg: f64,
     pub center_m: [f64; 3],
     /// About the centre of mass.
@@ -65,14 +64,8 @@ pub struct Body {
 /// A convex collision shape of a body.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BodyCollider {
-    shape: Collider,
-    friction: f64,
-}
-
-impl BodyCollider {
-    pub(super) fn of(collider: &Collider, labels: &[FieldLabel]) -> Self {
-        Self { shape: collider.clone(), friction: label_of(labels, collider.part).friction_rubber.mid }
-    }
+    pub(super) shape: Collider,
+    pub(super) friction: f64,
 }
 
 impl Table<'_> {
@@ -100,7 +93,12 @@ impl Table<'_> {
     }
 
     fn splat_of_surroundings(&self) -> Splat<'_> {
-        Splat { gaussians: self.surroundings, meters_per_unit: self.meters_per_unit(), field: None }
+        Splat {
+            gaussians: self.surroundings,
+            meters_per_unit: self.meters_per_unit(),
+            origin: Vector3::zeros(),
+            field: None,
+        }
     }
 
     fn note_on_scale(&self) -> Option<&'static str> {
@@ -111,9 +109,8 @@ impl Table<'_> {
     fn drawn_support(&self) -> Square {
         let surface = self.surface();
         let raised = |body: &Body| {
-            let rise = Vector3::z() * body.rise_m;
             let vertices = body.colliders.iter().flat_map(|collider| &collider.shape.vertices);
-            vertices.map(move |vertex| vertex + rise).collect::<Vec<Point3<f64>>>()
+            vertices.map(|vertex| vertex + body.place_m).collect::<Vec<Point3<f64>>>()
         };
         let feet: Vec<Point3<f64>> = self.bodies.iter().flat_map(raised).collect();
         let first = feet.first().copied().unwrap_or_default();
@@ -147,7 +144,7 @@ pub fn compose(table: &Table, formats: &[Format], folder: &Path) -> Result<Vec<P
     for format in formats {
         match format {
             Format::Mjcf => mjcf::write(table, &mut files)?,
-            Format::Urdf => sdf::write(table, &mut files)?,
+            Format::Urdf | Format::Sdf => sdf::write(table, &mut files)?,
             Format::Usda => usd::write_usda(table, &mut files)?,
             Format::Usdz => usd::write_usdz(table, &mut files)?,
             Format::Glb => gltf::write(table, &mut files)?,

@@ -59,12 +59,12 @@ fn write_support(text: &mut String, table: &Table) {
     );
 }
 
-fn write_body(text: &mut String, body: &Body) {
-    let Body { name, rise_m, mass_kg, center_m, inertia_kg_m2: i, colliders } = body;
+pub fn write_body(text: &mut String, body: &Body) {
+    let Body { name, place_m, mass_kg, center_m, inertia_kg_m2: i, colliders } = body;
     let _ = write!(
         text,
         r#"    <model name="{name}">
-      <pose>0 0 {rise_m} 0 0 0</pose>
+      <pose>{place} 0 0 0</pose>
       <link name="{name}">
         <inertial>
           <pose>{center} 0 0 0</pose>
@@ -79,6 +79,7 @@ fn write_body(text: &mut String, body: &Body) {
         i[1][1],
         i[1][2],
         i[2][2],
+        place = spaced(place_m.iter().copied()),
         center = spaced(*center_m),
     );
     for BodyCollider { shape, friction } in colliders {

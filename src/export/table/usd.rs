@@ -167,7 +167,7 @@ def Xform "surroundings"
     def Scope "materials"
     {{
 "#,
-        triple([0.0, 0.0, table.placement().rise]),
+        triple(table.placement().place().into()),
     );
     physics::write_splat_material(&mut text, "surroundings");
     text.push_str("    }\n\n");

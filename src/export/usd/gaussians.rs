@@ -14,9 +14,9 @@ const DRAWN: f64 = 3.0;
 
 /// Writes them below the prim `owner`, whose materials have one for the Gaussians.
 pub fn write(text: &mut String, splat: &Splat, owner: &str) {
-    let Splat { gaussians, meters_per_unit: meters, field } = *splat;
+    let Splat { gaussians, meters_per_unit: meters, origin, field } = *splat;
     let all = || 0..gaussians.len();
-    let position = |i: usize| gaussians.center(i) * meters;
+    let position = |i: usize| gaussians.center(i) * meters - origin;
     let reach = |i: usize| gaussians.scale(i).max() * DRAWN * meters;
     let corners = all().flat_map(|i| [-1.0, 1.0].map(|side| position(i).map(|c| c + side * reach(i)).into()));
     let orientation = |i: usize| {

@@ -19,6 +19,8 @@ mod thumbnail;
 
 use std::fmt::Write;
 
+use nalgebra::Vector3;
+
 use super::{ExportError, Files, Model, Rigid, obj};
 use text::{extent, head, quoted, triple};
 
@@ -65,7 +67,7 @@ def Xform "{name}" (
 )
 {{
     float3[] extentsHint = {extent}
-{mass}{raised}    token[] semantics:labels:class = ["prop"]
+{mass}{moved}    token[] semantics:labels:class = ["prop"]
     # Physical object.
     token[] semantics:labels:wikidata_qcode = ["{QCODE}"]
 
@@ -91,18 +93,19 @@ def Xform "{name}" (
             extent([low, high].into_iter().map(Into::into))
         },
         mass = physics::mass(rigid),
-        raised = match rigid.placement.rise {
-            0.0 => String::new(),
-            rise => format!(
+        moved = if rigid.placement.place() == Vector3::zeros() {
+            String::new()
+        } else {
+            format!(
                 "    double3 xformOp:translate = {}\n    uniform token[] xformOpOrder = [\"xformOp:translate\"]\n",
-                triple([0.0, 0.0, rise])
-            ),
+                triple(rigid.placement.place().into())
+            )
         },
     );
     physics::write_materials(&mut text, rigid);
     meshes::write_skin(&mut text, rigid);
     meshes::write_colliders(&mut text, rigid);
-    gaussians::write(&mut text, &model.splat(), &rigid.name);
+    gaussians::write(&mut text, &model.splat(&rigid.placement), &rigid.name);
     grasps::write(&mut text, rigid);
     text.push_str("}\n");
     text

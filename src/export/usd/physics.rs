@@ -6,7 +6,7 @@ use std::fmt::Write;
 use nalgebra::Matrix3;
 
 use super::text::{quoted, triple};
-use crate::export::Rigid;
+use crate::export::{Rigid, friction};
 use crate::numeric::principal_axes;
 use crate::vote::FieldLabel;
 
@@ -33,12 +33,13 @@ pub fn mass(rigid: &Rigid) -> String {
 /// The materials of all parts, and the one of the Gaussians.
 pub fn write_materials(text: &mut String, rigid: &Rigid) {
     text.push_str("    def Scope \"materials\"\n    {\n");
-    rigid.labels.iter().for_each(|label| write_part_material(text, &rigid.name, label));
+    rigid.labels.iter().for_each(|label| write_part_material(text, rigid, label));
     write_splat_material(text, &rigid.name);
     text.push_str("    }\n\n");
 }
 
-fn write_part_material(text: &mut String, name: &str, label: &FieldLabel) {
+fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldLabel) {
+    let name = &rigid.name;
     let path = format!("/{name}/materials/part{}", label.id);
     let _ = write!(
         text,
@@ -84,7 +85,7 @@ fn write_part_material(text: &mut String, name: &str, label: &FieldLabel) {
         id = label.id,
         doc = quoted(&format!("{}: {}", label.material, label.caption)),
         density = label.density_kg_m3.mid,
-        friction = label.friction_rubber.mid,
+        friction = friction(label, rigid.on_steel),
         family = quoted(&label.family),
         material = quoted(&label.material),
     );

@@ -18,7 +18,8 @@ const FILLED: f64 = 0.48;
 pub fn draw(model: &Model, rigid: &Rigid) -> RgbImage {
     let meters = model.scale.map_or(1.0, |scale| scale.meters_per_unit);
     let (low, high) = rigid.extent();
-    let (middle, radius) = (nalgebra::center(&low, &high) / meters, 0.5 * (high - low).norm() / meters);
+    let (middle, radius) =
+        ((nalgebra::center(&low, &high) + rigid.placement.origin) / meters, 0.5 * (high - low).norm() / meters);
     let camera = camera(middle, radius);
     let drawn = render(model.gaussians, &camera, &RenderOptions { near: 0.01 * radius, ..RenderOptions::default() });
     DynamicImage::ImageRgba8(drawn.to_image([1.0; 3])).into_rgb8()

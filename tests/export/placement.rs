@@ -1,0 +1,136 @@
+//! Where an object's axes are and where it stands, and the frictions of the two surfaces that may touch it.
+
+use std::path::Path;
+
+use gprop::export::{Format, Model, Origin, export};
+use gprop::materials::MaterialLibrary;
+use nalgebra::{Point3, Vector3};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::grasp::scenes::{Measured, folders};
+use crate::support::python_has;
+
+/// Vertices are written to a micrometre; sizes and centres are of two of them.
+const ROUNDING_M: f64 = 2e-6;
+
+/// The numbers of an attribute of the first element with this beginning.
+fn attribute(text: &str, element: &str, name: &str) -> Option<Vec<f64>> {
+    let start = text.find(element)? + element.len();
+    let element = &text[start..start + text[start..].find('>')?];
+    let value = element.split(&format!(" {name}=\"")).nth(1)?;
+    Some(value[..value.find('"')?].split(' ').map(|number| number.parse().unwrap()).collect())
+}
+
+/// The corners of the box around the colliders of an exported object, as its files have them.
+fn collider_box(folder: &Path, name: &str) -> (Point3<f64>, Point3<f64>) {
+    let meshes = std::fs::read_dir(folder.join("meshes")).unwrap().map(|file| file.unwrap().path());
+    let is_collider = |path: &Path| {
+        let file = path.file_name().unwrap().to_string_lossy().into_owned();
+        file.starts_with(&format!("{name}_part")) && file.ends_with(".obj")
+    };
+    let mut vertices = Vec::new();
+    for path in meshes.filter(|path| is_collider(path)) {
+        let text = std::fs::read_to_string(path).unwrap();
+        for line in text.lines().filter(|line| line.starts_with("v ")) {
+            let at: Vec<f64> = line.split(' ').skip(1).map(|number| number.parse().unwrap()).collect();
+            vertices.push(Point3::new(at[0], at[1], at[2]));
+        }
+    }
+    vertices.iter().fold((vertices[0], vertices[0]), |(low, high), v| (low.inf(v), high.sup(v)))
+}
+
+fn exported(model: &Model, formats: &[Format]) -> TempDir {
+    let folder = TempDir::new().unwrap();
+    export(model, formats, folder.path()).unwrap();
+    folder
+}
+
+#[test]
+fn an_object_has_the_origin_that_was_chosen() {
+    let measured = Measured::of(&folders()[0]);
+    let model = super::model(measured);
+    let body = |origin| {
+        let folder = exported(&Model { origin, ..model }, &[Format::Mjcf]);
+        let text = std::fs::read_to_string(folder.path().join("hammer.xml")).unwrap();
+        let scene = std::fs::read_to_string(folder.path().join("scene.xml")).unwrap();
+        let floor = attribute(&scene, "<geom name=\"floor\"", "pos").unwrap()[2];
+        let center = Vector3::from_vec(attribute(&text, "<inertial", "pos").unwrap());
+        (collider_box(folder.path(), "hammer"), center, floor)
+    };
+    let (input, center, floor) = body(Origin::Input);
+    assert_eq!(center, Vector3::from(measured.parts().object.center_of_mass_m));
+    assert!((floor - input.0.z).abs() < ROUNDING_M, "it stands on its floor: {floor}, {input:?}");
+    let (base, of_base, floor) = body(Origin::Base);
+    assert!(floor.abs() < ROUNDING_M && base.0.z.abs() < ROUNDING_M, "{base:?}");
+    assert!((base.0 + base.1.coords).xy().coords.norm() < ROUNDING_M, "{base:?}");
+    let (com, of_com, floor) = body(Origin::Com);
+    assert!(of_com.norm() < ROUNDING_M && (floor - com.0.z).abs() < ROUNDING_M, "{com:?}");
+    // The object is the same, whatever its origin.
+    for (other, of_other) in [(base, of_base), (com, of_com)] {
+        let size = (other.1 - other.0) - (input.1 - input.0);
+        let to_center = (of_other - other.0.coords) - (center - input.0.coords);
+        assert!(size.norm() < ROUNDING_M && to_center.norm() < ROUNDING_M, "{other:?}");
+    }
+}
+
+#[test]
+fn two_exports_stand_side_by_side() {
+    if !python_has("two_exports_stand_side_by_side", "mujoco", "mujoco") {
+        return;
+    }
+    let measured = Measured::of(&folders()[0]);
+    let together = |at: Vector3<f64>| {
+        let folder = TempDir::new().unwrap();
+        let model = Model { origin: Origin::Base, ..super::model(measured) };
+        for model in [model, Model { name: "other", at, ..model }] {
+            export(&model, &[Format::Mjcf, Format::Urdf], folder.path()).unwrap();
+        }
+        let both = "<mujoco><include file=\"hammer.xml\"/><include file=\"other.xml\"/></mujoco>";
+        std::fs::write(folder.path().join("both.xml"), both).unwrap();
+        let found: Value = super::mujoco("contacts", &[&folder.path().join("both.xml")]);
+        let urdf = std::fs::read_to_string(folder.path().join("other.urdf")).unwrap();
+        (found[0].as_u64().unwrap(), attribute(&urdf, "type=\"floating\"><origin", "xyz"))
+    };
+    let (overlapping, _) = together(Vector3::zeros());
+    assert!(overlapping > 0, "two objects on one base touch");
+    let (contacts, of_joint) = together(Vector3::new(0.5, 0.0, 0.0));
+    assert_eq!((contacts, of_joint), (0, Some(vec![0.5, 0.0, 0.0])));
+}
+
+#[test]
+fn sdf_is_one_free_model_that_pybullet_reads() {
+    let measured = Measured::of(&folders()[0]);
+    let folder = exported(&super::model(measured), &[Format::Sdf]);
+    let path = folder.path().join("hammer.sdf");
+    let text = std::fs::read_to_string(&path).unwrap();
+    assert!(!text.contains("<world") && !text.contains("<static>"), "{text}");
+    for mesh in text.split("<uri>").skip(1).map(|rest| &rest[..rest.find('<').unwrap()]) {
+        assert!(folder.path().join(mesh).is_file(), "{mesh}");
+    }
+    for part in &measured.field.labels {
+        assert!(text.contains(&format!("<mu>{}</mu>", part.friction_rubber.mid)), "{}", part.caption);
+    }
+    if python_has("sdf_is_one_free_model_that_pybullet_reads", "pybullet", "pybullet") {
+        let found = &super::python("pybullet_check.py", &[&path])[0];
+        let bodies = found["bodies"].as_array().unwrap();
+        assert_eq!((bodies.len(), &found["static"]), (1, &Value::from(0)), "{found}");
+        // Bullet reads some numbers in 32 bits.
+        let mass = bodies[0]["mass_kg"].as_f64().unwrap() / measured.parts().object.mass_kg.mid;
+        assert!((mass - 1.0).abs() < 1e-6, "{found}");
+    }
+}
+
+#[test]
+fn on_steel_frictions_are_those_of_the_library() {
+    let measured = Measured::of(&folders()[0]);
+    let library = MaterialLibrary::builtin();
+    let folder = exported(&Model { on_steel: Some(library), ..super::model(measured) }, &[Format::Mjcf]);
+    let text = std::fs::read_to_string(folder.path().join("hammer.xml")).unwrap();
+    for label in &measured.field.labels {
+        let steel = library.get(&label.material).unwrap().friction_steel.mid();
+        assert!(text.contains(&format!("friction=\"{steel} ")), "{}: {steel} is not in {text}", label.material);
+    }
+    let on_rubber = exported(&super::model(measured), &[Format::Mjcf]);
+    assert_ne!(std::fs::read_to_string(on_rubber.path().join("hammer.xml")).unwrap(), text);
+}
