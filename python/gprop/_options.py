@@ -152,9 +152,12 @@ class RunOptions(StageOptions, total=False):
 class ExportOptions(StageOptions, total=False):
     """Options of `gprop export`."""
 
-    format: Annotated[Literal["mjcf", "urdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv"] | Sequence[Literal["mjcf", "urdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv"]], "Formats to write, separated by commas; required for a splat. A mesh is written as `asset` without it; a URDF or MJCF is always written as it is, with masses, inertias and frictions filled in [possible values: mjcf, urdf, npz, belief, physgaussian, usda, usdz, glb, gltf-splat, ply-parts, asset, csv]"]
+    format: Annotated[Literal["mjcf", "urdf", "sdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv"] | Sequence[Literal["mjcf", "urdf", "sdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv"]], "Formats to write, separated by commas; required for a splat. A mesh is written as `asset` without it; a URDF or MJCF is always written as it is, with masses, inertias and frictions filled in [possible values: mjcf, urdf, sdf, npz, belief, physgaussian, usda, usdz, glb, gltf-splat, ply-parts, asset, csv]"]
     colliders: Annotated[Literal["keep", "add", "make"], "Colliders of the format `asset` [default: add] [possible values: keep, add, make]"]
     samples: Annotated[int, "Samples of the format `belief` [default: 32]"]
+    origin: Annotated[Literal["input", "base", "com"], "Origin of the object's own axes, for simulators and glTF [default: input] [possible values: input, base, com]"]
+    at: Annotated[str | float, "Where these axes are by default, in metres: so exports that are loaded together stand side by side [default: 0,0,0]"]
+    friction: Annotated[Literal["rubber", "steel"], "Surface with which the frictions are [default: rubber] [possible values: rubber, steel]"]
     work: Annotated[Path, "Work folder [default: SCENE/gprop]"]
 
 
