@@ -294,6 +294,21 @@ fn an_answer_is_given_to_several_parts_at_once_and_offered_to_others() {
     assert_eq!(page.text("#state"), "4 of 4 answered");
 }
 
+#[test]
+fn what_looks_alike_is_offered_together() {
+    let home = tempfile::tempdir().unwrap();
+    let out = home.path().join("out");
+    let (prompts, options) = (Prompts::builtin(), small());
+    let views = [("000", 80), ("001", 200), ("002", 90)].map(|(name, tint)| two_segments(name, tint, 80));
+    let queries = prepare(&views, &prompts, &options);
+    export(&out, &queries, &recordings(&home.path().join("recorded")));
+    let url = format!("file://{}", out.join("form.html").display());
+    let Some(page) = Page::open("what_looks_alike_is_offered_together", &url, "#fields input") else { return };
+    let colors = "[...document.querySelectorAll('#others button')].map((one) => one.query.color[1] - queries[0].color[1]).join()";
+    // The same part first, in the views 002 and 001; then the other parts, in the views 000, 002 and 001.
+    assert_eq!(page.evaluate(colors), "10,120,0,10,120");
+}
+
 /// The question about the whole object that one view shows, exported, and its page.
 struct AboutObject {
     home: tempfile::TempDir,

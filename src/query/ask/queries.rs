@@ -115,11 +115,13 @@ fn subjects_of(view: &ViewSubjects, about: AskAbout, options: &Options) -> Resul
                 view: view.name.into(),
                 subject: SubjectId::of(about, id),
             })?;
+            let mask = Mask::of_id(map, id);
             Ok(ShownSubject {
                 view: view.name.into(),
                 id,
                 photo_sha256: photo_sha256.clone(),
-                mask: Mask::of_id(map, id),
+                color: mask.mean_color(&photo.rgb),
+                mask,
                 regions: Vec::new(),
                 sheet_sha256: sheet.pixels_sha256(),
                 sheet_size: sheet.picture.dimensions(),

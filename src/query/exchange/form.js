@@ -61,9 +61,13 @@ function offer(query) {
 }
 const MOST_OFFERS = 8;
 
-/* The pictures of open questions to which the answer that is being given holds as well: a click marks one. */
+/* The pictures of open questions to which the answer that is being given holds as well: a click marks one. The same part in other views
+   comes first, then what is of the likest colour. */
 function showOthers(query) {
-  const others = queries.filter((other) => other !== query && other.text === query.text && isOpen(other));
+  const isSame = (other) => other.part === query.part;
+  const unlikeness = (other) => Math.hypot(...other.color.map((channel, n) => channel - query.color[n]));
+  const others = queries.filter((other) => other !== query && other.text === query.text && isOpen(other))
+    .sort((a, b) => isSame(b) - isSame(a) || unlikeness(a) - unlikeness(b));
   const button = (other) => {
     const one = make("button", { type: "button", ariaPressed: "false" }, make("img", { src: other.sheet, loading: "lazy", alt: `the picture of question ${queries.indexOf(other) + 1}` }));
     one.query = other;
@@ -72,7 +76,7 @@ function showOthers(query) {
   };
   at("others").hidden = !others.length;
   at("others").open = false;
-  at("others").firstElementChild.textContent = "The same answer for other pictures";
+  at("others").firstElementChild.textContent = "The same answer for other pictures (those that look alike first)";
   at("others").lastElementChild.replaceChildren(...others.slice(0, MOST_OTHERS).map(button));
 }
 const MOST_OTHERS = 60;

@@ -37,6 +37,8 @@ pub struct FormQuestion {
     pub part: String,
     /// The numbers of the regions on the picture.
     pub regions: Vec<u16>,
+    /// Of what is asked about, on average.
+    pub color: [u8; 3],
     #[serde(skip)]
     pub asked: QuestionId,
     #[serde(skip)]
@@ -105,6 +107,7 @@ impl Form {
                 text: self.text(question),
                 part: format!("{}-{}", part.0, part.1),
                 regions: subject.regions.clone(),
+                color: subject.color,
                 asked,
                 jpeg: subject.jpeg.clone(),
             };

@@ -14,6 +14,8 @@ pub struct ShownSubject {
     pub id: u16,
     pub photo_sha256: Sha256Hex,
     pub mask: Mask,
+    /// Of the photo inside the mask, on average.
+    pub color: [u8; 3],
     /// The numbers of the regions on the sheet, in order; none unless it shows the whole object with its regions.
     pub regions: Vec<u16>,
     /// Hash of the sheet's pixels before JPEG.
@@ -31,6 +33,7 @@ impl ShownSubject {
             view: view.to_owned(),
             id,
             photo_sha256: Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw()),
+            color: mask.mean_color(&photo.rgb),
             mask,
             regions: Vec::new(),
             sheet_sha256: sheet.pixels_sha256(),

@@ -1,6 +1,6 @@
 //! The mask of a subject as run lengths, and how well two masks overlap.
 
-use image::GrayImage;
+use image::{GrayImage, RgbImage};
 use serde::{Deserialize, Serialize};
 
 use crate::segment::LabelMap;
@@ -85,6 +85,19 @@ impl Mask {
             }
         }
         shared
+    }
+
+    /// The mean colour of a picture inside the mask; black if the mask has another size or holds nothing.
+    pub fn mean_color(&self, picture: &RgbImage) -> [u8; 3] {
+        if picture.dimensions() != (self.width, self.height) || self.area() == 0 {
+            return [0; 3];
+        }
+        let pixels = || {
+            self.spans().flat_map(|(start, end)| picture.as_raw()[3 * start as usize..3 * end as usize].chunks_exact(3))
+        };
+        std::array::from_fn(|channel| {
+            (pixels().map(|pixel| u64::from(pixel[channel])).sum::<u64>() / self.area()) as u8
+        })
     }
 
     /// The runs inside the mask as `[start, end)` in pixels from the upper left corner, in ascending order.
