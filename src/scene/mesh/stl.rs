@@ -58,7 +58,9 @@ fn read_binary(bytes: &[u8], corners: &mut Corners) -> Result<(), MeshProblem> {
     }
     let left_over = bytes.len() as u64 - expected;
     if left_over > 0 {
-        corners.assembly.warnings.push(format!("{left_over} bytes follow the last triangle; they are ignored, and the mesh is whole without them"));
+        corners.assembly.warnings.push(format!(
+            "{left_over} bytes follow the last triangle; they are ignored, and the mesh is whole without them"
+        ));
     }
     Ok(())
 }

@@ -161,7 +161,9 @@ impl Look<'_, '_, '_> {
         let is_other_format = [".ktx2", ".ktx", ".basis", ".dds", ".avif"].iter().any(|ending| name.ends_with(ending));
         let found = if is_other_format { None } else { self.beside.find_picture(&name)? };
         if found.is_none() && !is_other_format {
-            self.assembly.warnings.push(format!("texture `{}` is not there; its material is shown in its base colour", shortened(&name)));
+            self.assembly
+                .warnings
+                .push(format!("texture `{}` is not there; its material is shown in its base colour", shortened(&name)));
         }
         Ok(found.map(Source::File))
     }

@@ -139,7 +139,8 @@ fn note_unused(root: &Root, assembly: &mut Assembly) {
     for name in root.extensions_required.iter().filter(|name| !is_known(name)) {
         let name: String = name.chars().take(60).collect();
         assembly.warnings.push(format!(
-            "the file requires the extension {name}, which gprop does not know; something may be missing: look at the pictures of `gprop inspect --html`"
+            "the file requires the extension {name}, which gprop does not know; something may be missing: look at the pictures \
+             of `gprop inspect --html`"
         ));
     }
 }
