@@ -1,6 +1,6 @@
 //! Grasp forces, grippers, places to grasp at.
 
 mod calibration;
-pub mod forces;
+mod forces;
 mod places;
 pub mod scenes;
