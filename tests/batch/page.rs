@@ -104,6 +104,7 @@ fn rows_are_sorted_and_found() {
 
     assert_eq!(page.evaluate("document.querySelectorAll('img[src=x]').length"), 0);
     assert_ne!(page.evaluate("document.title"), "taken");
+    page.evaluate("Promise.all([...document.images].map((image) => { image.loading = 'eager'; return image.decode(); })).then(() => true)");
     let picture = page.evaluate("[...document.images].map((image) => image.naturalWidth).join()");
     assert_eq!(picture, Value::from("192,192"));
     let ground = "getComputedStyle(document.body).backgroundColor";

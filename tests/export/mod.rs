@@ -63,7 +63,7 @@ struct Rigid {
 }
 
 impl Rigid {
-    const FORMATS: [Format; 5] = [Format::Mjcf, Format::Urdf, Format::Usda, Format::Usdz, Format::Glb];
+    const FORMATS: [Format; 6] = [Format::Mjcf, Format::Urdf, Format::Sdf, Format::Usda, Format::Usdz, Format::Glb];
 
     fn of(scene: &Path) -> &'static Self {
         static RIGID: Shared<Rigid> = Shared::new();
