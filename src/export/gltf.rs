@@ -190,7 +190,8 @@ impl Gltf {
         let half = std::f64::consts::FRAC_1_SQRT_2;
         let mut root = json!({ "name": name, "rotation": [-half, 0.0, 0.0, half], "children": children });
         if *place != Vector3::zeros() {
-            root["translation"] = json!([place.x, place.z, -place.y]);
+            // Subtracted, so that there is no -0.
+            root["translation"] = json!([place.x, place.z, 0.0 - place.y]);
         }
         if !extensions.is_null() {
             root["extensions"] = extensions.clone();

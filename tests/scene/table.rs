@@ -151,7 +151,8 @@ fn every_row_of_the_readme_works() {
     let html = page.path().join("page.html");
     run(next(), &made_up().path(""), &[("FILE", html.clone())]);
     let html = std::fs::read_to_string(html).unwrap();
-    assert_eq!(html.matches("data:image/jpeg;base64,").count(), 3 * 4);
+    // Three for each view, and the photos on which a box is dragged.
+    assert_eq!(html.matches("data:image/jpeg;base64,").count(), 3 * 4 + 4);
 
     // A splat and no photos.
     let scene = made_up();

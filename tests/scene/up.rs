@@ -278,7 +278,7 @@ fn inspect_shows_what_is_up_and_fails_if_that_is_in_doubt() {
         line.contains("the normal of the surface under the objects") && line.contains("with z up, the object is"),
         "{line}"
     );
-    assert!(std::fs::read_to_string(page).unwrap().contains("an arrow that points up"));
+    assert!(std::fs::read_to_string(page).unwrap().contains("up an arrow"));
     let (_, json, _) = inspect(&level, &["--json"]);
     let found: Value = serde_json::from_str(&json).unwrap();
     assert_eq!(found["up"]["source"], "support");
