@@ -525,7 +525,11 @@ fn a_material_of_unknown_inside_is_named_once() {
     bar.materials[1].name = "oak".to_owned();
     let bare = Input { interior: &[], ..bar.input() };
     let report = run(&bare, &Options { frames: 2, duration: Some(1e-3), ..options() }).1;
-    assert!(report.warnings.iter().any(|warning| warning.contains("the inside of oak: only")), "{:?}", report.warnings);
+    assert!(
+        report.warnings.iter().any(|warning| warning.contains("the inside of oak, so only")),
+        "{:?}",
+        report.warnings
+    );
 }
 
 /// Parts keep their volume, solids are filled, and parts whose inside is unknown count as full.
