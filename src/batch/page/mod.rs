@@ -7,8 +7,6 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Component, Path};
 
-use base64::Engine;
-use base64::engine::general_purpose::STANDARD as BASE64;
 use image::{ImageFormat, ImageReader, Limits};
 use minijinja::{Value, context};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
@@ -19,6 +17,7 @@ use crate::pictures::thumbnail;
 use crate::report::ESTIMATED;
 use crate::report::style;
 use crate::units::Estimate;
+use crate::words::html::jpeg_url;
 use crate::words::output::thousands;
 use crate::words::readable::{figures, significant};
 use crate::workdir::Artifact;
@@ -244,7 +243,7 @@ fn picture(path: &Path) -> Option<Value> {
     (limits.max_image_width, limits.max_image_height) = (Some(2 * thumbnail::SIDE), Some(thumbnail::SIDE));
     reader.limits(limits);
     reader.decode().ok()?;
-    Some(Value::from_safe_string(format!("data:image/jpeg;base64,{}", BASE64.encode(jpeg))))
+    Some(Value::from_safe_string(jpeg_url(&jpeg)))
 }
 
 /// The relative URL from a page in `folder` to `file`; `None` if there is no such URL because the file is on another
