@@ -124,6 +124,7 @@ pub mod numeric;
 #[doc(hidden)]
 pub mod objects;
 pub mod options;
+mod parallel;
 #[doc(hidden)]
 pub mod parts;
 #[doc(hidden)]

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::hull::extremes;
 use super::moments::Moments;
 use crate::files::read_scope::ReadScope;
+use crate::parallel;
 use crate::scene::mesh::containers::{Container, Geometry};
 use crate::scene::mesh::solid::{self, Topology};
 use crate::scene::mesh::{self, Axes, MeshFormat, Triangles};
@@ -67,17 +67,17 @@ pub fn is_of_known_format(path: &Path) -> bool {
 pub fn measure<'a>(containers: impl Iterator<Item = &'a Container>, scope: &ReadScope) -> Meshes {
     let shapes = containers.flat_map(|container| &container.bodies).flat_map(|body| &body.shapes);
     let geometries = shapes.filter_map(|shape| Some((MeshId::of(&shape.geometry)?, &shape.geometry)));
-    let meshes: BTreeMap<MeshId, &Geometry> = geometries.collect();
-    let measured = |(id, geometry): (MeshId, &Geometry)| {
+    let meshes: Vec<(MeshId, &Geometry)> = geometries.collect::<BTreeMap<_, _>>().into_iter().collect();
+    let measured = |(id, geometry): &(MeshId, &Geometry)| {
         let measured = match geometry {
             Geometry::Own(own) => measure_surface(&own.surface),
             _ => mesh::read(&id.file, Axes::OfFile, scope)
                 .map_err(|error| error.problem.to_string())
                 .and_then(|mesh| measure_surface(&mesh.surface)),
         };
-        (id, measured)
+        (id.clone(), measured)
     };
-    meshes.into_par_iter().map(measured).collect()
+    parallel::map(&meshes, measured).into_iter().collect()
 }
 
 fn measure_surface(surface: &Triangles) -> Result<MeasuredMesh, String> {

@@ -22,10 +22,10 @@ mod report;
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::files::read_scope::ReadScope;
+use crate::parallel;
 use crate::scene::mesh::containers::{self, Container, ContainerError};
 
 use find::{Found, Named};
@@ -78,8 +78,8 @@ pub fn audit(args: &Args) -> Result<Report, AuditError> {
         read = self::read(read.into_iter().map(|audited| audited.found).collect(), &scope);
         meshes = meshes::measure(read.iter().filter_map(Audited::container), &scope);
     }
-    let files = read.into_par_iter().zip(fixed).map(|(audited, fixed)| of_file(audited, fixed, &meshes, args));
-    Ok(Report { files: files.collect() })
+    let files = parallel::map_range(read.len(), |n| of_file(&read[n], fixed[n].clone(), &meshes, args));
+    Ok(Report { files })
 }
 
 /// A container that was found and, if it could be, read.
@@ -96,8 +96,9 @@ impl Audited {
 
 /// Reads all of them. Of what was met in a folder, parts that other files include count with those.
 fn read(found: Vec<Found>, scope: &ReadScope) -> Vec<Audited> {
-    let all = found.into_par_iter().map(|found| Audited { container: containers::read(&found.path, scope), found });
-    let mut all: Vec<Audited> = all.collect();
+    let containers = parallel::map(&found, |found| containers::read(&found.path, scope));
+    let audited = containers.into_iter().zip(found).map(|(container, found)| Audited { found, container });
+    let mut all: Vec<Audited> = audited.collect();
     all.retain(|audited| {
         let is_another_xml = matches!(audited.container, Err(ContainerError::NotAContainer { .. }));
         audited.found.is_named || !is_another_xml
@@ -108,12 +109,13 @@ fn read(found: Vec<Found>, scope: &ReadScope) -> Vec<Audited> {
     all
 }
 
-fn of_file(audited: Audited, fixed: Vec<String>, meshes: &Meshes, args: &Args) -> FileReport {
-    match audited.container {
+fn of_file(audited: &Audited, fixed: Vec<String>, meshes: &Meshes, args: &Args) -> FileReport {
+    let path = audited.found.path.clone();
+    match &audited.container {
         Ok(container) => {
-            let judged = judge::judge(&container, meshes, args);
-            FileReport::of(audited.found.path, &container, judged, fixed)
+            let judged = judge::judge(container, meshes, args);
+            FileReport::of(path, container, judged, fixed)
         }
-        Err(error) => FileReport::unreadable(audited.found.path, &error),
+        Err(error) => FileReport::unreadable(path, error),
     }
 }

@@ -2,12 +2,12 @@
 
 use image::RgbImage;
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::Parts;
 use super::masks::PartMasks;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::segment::LabelMap;
 
 /// A view shows a part if this many of the part's pixels lie inside its mask, not on the mask's edge: a line two pixels
@@ -37,10 +37,8 @@ pub fn best_views(
     masks: &[PartMasks],
     sharpness: &[impl AsRef<[f32]> + Sync],
 ) -> Vec<Vec<PartView>> {
-    let shown: Vec<Vec<Shown>> = (masks, sharpness)
-        .into_par_iter()
-        .map(|(masks, sharpness)| shown(parts, &masks.map, sharpness.as_ref()))
-        .collect();
+    let shown: Vec<Vec<Shown>> =
+        parallel::map_range(masks.len(), |view| shown(parts, &masks[view].map, sharpness[view].as_ref()));
     let centers = centers(gaussians, parts);
     (0..parts.parts.len()).map(|index| order(centers[index], cameras, &shown, index)).collect()
 }

@@ -2,13 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use super::linkage::Border;
 use super::membership::{Membership, SEEN_LIGHT, Share};
 use super::neighbors::Pairs;
 use super::normals::Normals;
 use super::undersegmentation::Regions;
+use crate::parallel;
 use crate::segment::ViewSegments;
 
 /// The evidence from all views about each pair.
@@ -32,7 +31,8 @@ impl Evidence {
 
     /// Adds one view. Its weight is the square root of the light of the fainter Gaussian of the pair.
     pub fn add(&mut self, pairs: &Pairs, membership: &Membership, segments: &ViewSegments, regions: &Regions) {
-        self.sums.par_iter_mut().zip(&pairs.pairs).for_each(|(sums, &(a, b))| {
+        parallel::for_each_mut(&mut self.sums, |pair, sums| {
+            let (a, b) = pairs.pairs[pair];
             let (a, b) = (membership.of(a as usize), membership.of(b as usize));
             let (of_a, of_b) = (light(a), light(b));
             let light = of_a.min(of_b);

@@ -33,12 +33,12 @@ mod undersegmentation;
 use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
+use crate::parallel;
 use crate::segment::ViewSegments;
 use crate::words::progress::Progress;
 use evidence::Evidence;
@@ -289,8 +289,10 @@ fn finish<B: Iterator<Item = (u32, u32, Border)>>(
     let known: Vec<usize> = (0..gaussians.len()).filter(|&i| ids[i] > 0).collect();
     let nearest = Nearest::new(known.iter().map(|&i| gaussians.positions[i]));
     let of_known: Vec<u16> = known.iter().map(|&i| ids[i]).collect();
-    ids.par_iter_mut().enumerate().filter(|(_, id)| **id == 0).for_each(|(i, id)| {
-        *id = nearest.find(gaussians.positions[i], 1).first().map_or(1, |&(_, n)| of_known[n as usize]);
+    parallel::for_each_mut(&mut ids, |i, id| {
+        if *id == 0 {
+            *id = nearest.find(gaussians.positions[i], 1).first().map_or(1, |&(_, n)| of_known[n as usize]);
+        }
     });
     let mut found = Parts { id_of_gaussian: ids, confidence: vec![0.0; gaussians.len()], parts: numbers.parts };
     for &id in &found.id_of_gaussian {

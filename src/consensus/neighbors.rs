@@ -1,9 +1,8 @@
 //! Pairs of Gaussians that are compared.
 
-use rayon::prelude::*;
-
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
+use crate::parallel;
 
 /// Number of nearest neighbours of each Gaussian.
 const NEAR: usize = 6;
@@ -29,9 +28,9 @@ impl Pairs {
             let ranked = (1usize..).zip(others).filter(|(rank, _)| *rank <= NEAR || FAR.contains(rank));
             ranked.map(|(rank, other)| (*i.min(&other), *i.max(&other), rank > NEAR)).collect::<Vec<_>>()
         };
-        let mut all: Vec<(u32, u32, bool)> = seen.par_iter().flat_map_iter(of_one).collect();
+        let mut all: Vec<(u32, u32, bool)> = parallel::flat_map(seen, of_one);
         // A pair is near if it is near from either side.
-        all.par_sort_unstable();
+        parallel::sort_unstable_by(&mut all, Ord::cmp);
         all.dedup_by_key(|pair| (pair.0, pair.1));
         Self {
             pairs: all.iter().map(|&(a, b, _)| (a, b)).collect(),

@@ -1,10 +1,10 @@
 //! The surface's normal at every Gaussian.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
+use crate::parallel;
 
 /// Number of Gaussians, with itself, over which a normal is smoothed.
 const SMOOTHED_OVER: usize = 12;
@@ -29,7 +29,7 @@ impl Normals {
         toward_views: &[Vector3<f32>],
     ) -> Self {
         let normal_of = |&i: &u32| own_normal(gaussians, i as usize, &toward_views[i as usize]);
-        let own: Vec<Vector3<f32>> = seen.par_iter().map(normal_of).collect();
+        let own: Vec<Vector3<f32>> = parallel::map(seen, normal_of);
         let smoothed = |&i: &u32| {
             let i = i as usize;
             let around = nearest.find(gaussians.positions[i], SMOOTHED_OVER).into_iter();
@@ -41,7 +41,7 @@ impl Normals {
             });
             sum.try_normalize(0.0).unwrap_or_default()
         };
-        let smoothed: Vec<Vector3<f32>> = seen.par_iter().map(smoothed).collect();
+        let smoothed: Vec<Vector3<f32>> = parallel::map(seen, smoothed);
         let mut normals = vec![Vector3::zeros(); gaussians.len()];
         seen.iter().zip(smoothed).for_each(|(&i, normal)| normals[i as usize] = normal);
         Self { normals }

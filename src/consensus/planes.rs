@@ -4,12 +4,12 @@
 //! print; their centres still lie on the surface.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::linkage::{Border, NONE};
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
 use crate::numeric::scatter;
+use crate::parallel;
 
 /// A plane goes through up to [`MOST`] Gaussians of the same piece, found among this many nearest ones.
 const OF_NEAREST: usize = 48;
@@ -48,7 +48,7 @@ impl Planes {
             is_end[a as usize] = true;
             is_end[b as usize] = true;
         }
-        let plane = |gaussian: u32| {
+        let plane = |&gaussian: &u32| {
             let i = gaussian as usize;
             let same_side = nearest
                 .find(gaussians.positions[i], OF_NEAREST)
@@ -59,7 +59,7 @@ impl Planes {
             Some((gaussian, Plane::through(&centers, &toward_views[i].cast())?))
         };
         let ends: Vec<u32> = (0..).zip(&is_end).filter(|(_, is_end)| **is_end).map(|(gaussian, _)| gaussian).collect();
-        Self { by_gaussian: ends.into_par_iter().filter_map(plane).collect() }
+        Self { by_gaussian: parallel::flat_map(&ends, plane) }
     }
 
     fn at(&self, gaussian: u32) -> Option<&Plane> {

@@ -6,9 +6,8 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use super::membership::{Membership, SEEN_LIGHT, Share};
+use crate::parallel;
 use crate::segment::ViewSegments;
 
 /// A view judges a region if its segments show at least this share of the region's light (MaskClustering's visibility
@@ -122,7 +121,7 @@ pub(super) fn mark(views: &mut [Regions], segments: &[&ViewSegments]) {
         };
         votes.into_iter().enumerate().map(is_undersegmented).collect()
     };
-    let marks: Vec<Vec<bool>> = (0..views.len()).into_par_iter().map(of_view).collect();
+    let marks: Vec<Vec<bool>> = parallel::map_range(views.len(), of_view);
     views.iter_mut().zip(marks).for_each(|(regions, marks)| regions.is_undersegmented = marks);
 }
 

@@ -9,7 +9,8 @@ use std::borrow::Cow;
 use color_quant::NeuQuant;
 use gif::{DisposalMethod, Encoder, EncodingError, Frame, Repeat};
 use image::{Rgb, RgbImage};
-use rayon::prelude::*;
+
+use crate::parallel;
 
 /// Index of a pixel that stays as it is.
 const UNCHANGED: u8 = 255;
@@ -140,24 +141,25 @@ impl Palette {
         rgb.extend([0; 3]);
         let levels = 1usize << BITS;
         let level = |value: usize| ((value * 255) / (levels - 1)) as i32;
-        let nearest = (0..levels.pow(3)).into_par_iter().map(|cell| {
+        let nearest = parallel::map_range(levels.pow(3), |cell| {
             let wanted = [cell / levels / levels, cell / levels % levels, cell % levels].map(level);
             let distance = |n: usize| (0..3).map(|c| (wanted[c] - i32::from(rgb[3 * n + c])).pow(2)).sum::<i32>();
             (0..COLORS).min_by_key(|n| distance(*n)).unwrap_or(0) as u8
         });
-        Self { nearest: nearest.collect(), rgb }
+        Self { nearest, rgb }
     }
 
     /// The dithered picture, as indices row by row.
     fn indices(&self, picture: &RgbImage) -> Vec<u8> {
         let width = picture.width() as usize;
         let most = ((1 << BITS) - 1) as f32;
-        let index = |(at, rgb): (usize, &[u8])| {
+        let pixels = picture.as_raw().as_chunks::<3>().0;
+        parallel::map_range(pixels.len(), |at| {
+            let rgb = pixels[at];
             let nudge = DITHER * threshold(at % width, at / width);
             let level = |value: u8| ((f32::from(value) + nudge).clamp(0.0, 255.0) / 255.0 * most).round() as usize;
             self.nearest[level(rgb[0]) << (2 * BITS) | level(rgb[1]) << BITS | level(rgb[2])]
-        };
-        picture.as_raw().par_chunks_exact(3).enumerate().with_min_len(4096).map(index).collect()
+        })
     }
 }
 

@@ -1,10 +1,10 @@
 //! The position and size of the object.
 
 use nalgebra::{Matrix3, Point3, Vector3};
-use rayon::prelude::*;
 
 use crate::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
 use crate::numeric::scatter;
+use crate::parallel;
 
 /// An axis-aligned box in the world frame, scene units.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -143,7 +143,7 @@ pub fn ellipsoid_bounds(gaussians: &Gaussians) -> Bounds {
     for axis in 0..3 {
         let along = Vector3::ith(axis, 1.0);
         let (mut lows, mut highs): (Vec<f64>, Vec<f64>) =
-            chosen.par_iter().map(|&i| ellipsoid_ends(gaussians, i, &along)).unzip();
+            parallel::map(&chosen, |&i| ellipsoid_ends(gaussians, i, &along)).into_iter().unzip();
         (bounds.min[axis], bounds.max[axis]) = between_strays(&mut lows, &mut highs, STRAY_SHARE);
     }
     bounds
@@ -160,8 +160,8 @@ fn ellipsoid_ends(gaussians: &Gaussians, i: usize, along: &Vector3<f64>) -> (f64
 fn sides_along(axes: &Matrix3<f64>, gaussians: &Gaussians, chosen: &[usize]) -> [Side; 3] {
     [0, 1, 2].map(|axis| {
         let along: Vector3<f64> = axes.column(axis).into_owned();
-        let ends = chosen.par_iter().map(|&i| ellipsoid_ends(gaussians, i, &along));
-        let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = ends.unzip();
+        let ends = parallel::map(chosen, |&i| ellipsoid_ends(gaussians, i, &along));
+        let (mut lows, mut highs): (Vec<f64>, Vec<f64>) = ends.into_iter().unzip();
         let [length, shorter] = [STRAY_BODIES, STRAY_SHARE].map(|share| {
             let (low, high) = between_strays(&mut lows, &mut highs, share);
             high - low

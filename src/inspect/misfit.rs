@@ -4,12 +4,12 @@ use std::borrow::Cow;
 use std::sync::OnceLock;
 
 use image::imageops::{FilterType, resize};
-use rayon::prelude::*;
 
 use super::compare::{covered, overlap};
 use super::verdict::{self, LEAST_CORRELATION};
 use crate::gaussians::Gaussians;
 use crate::numeric::{evenly, upper_median};
+use crate::parallel;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
 use crate::words::progress::Progress;
@@ -30,8 +30,7 @@ const LEAST_IOU: f64 = 0.5;
 pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneError> {
     let few: Vec<View> = evenly(views, VIEWS).cloned().collect();
     let whole = OnceLock::new();
-    let overlaps: Vec<Option<f64>> =
-        few.par_iter().map(|view| overlap_in(scene, view, &whole)).collect::<Result<_, _>>()?;
+    let overlaps: Vec<Option<f64>> = parallel::try_map(&few, |view| overlap_in(scene, view, &whole))?;
     let problem = match upper_median(overlaps.into_iter().flatten().collect()) {
         Some(iou) if iou < LEAST_IOU => {
             format!("the object's outlines in the photos and in the splat overlap by only {:.0} %", 100.0 * iou)

@@ -2,13 +2,13 @@
 
 use image::imageops::{FilterType, resize};
 use image::{Rgb32FImage, buffer::ConvertBuffer};
-use rayon::prelude::*;
 
 use super::ViewFit;
 use super::compare::as_the_splat_shows;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::upper_median;
+use crate::parallel;
 use crate::render::{RenderOptions, render};
 use crate::scene::{Scene, SceneError, View};
 use crate::words::progress::Progress;
@@ -104,7 +104,7 @@ pub(super) fn small_views(scene: &Scene, views: &[View]) -> Result<Vec<Small>, S
         Ok(Small { camera, picture: small.into_raw() })
     };
     let chosen: Vec<&View> = views.iter().step_by(step.max(1)).collect();
-    chosen.into_par_iter().map(small).collect()
+    parallel::try_map(&chosen, |view| small(view))
 }
 
 /// The camera of a picture of the same view whose longer side has `longer` pixels.

@@ -4,8 +4,7 @@
 //! gradient, as in MLS-MPM. The sum x += dt v is compensated, as in
 //! [`compensated_sum`](super::particles::compensated_sum).
 
-use rayon::prelude::*;
-
+use super::TASK;
 use super::grid::{Columns, NODE};
 use super::laws::Law;
 use super::matrix::Mat3;
@@ -13,6 +12,7 @@ use super::p2g::{permuted, row_steps, row_weights};
 use super::particles::Pack;
 use super::sort::Sorted;
 use super::stencil::Stencil;
+use crate::parallel;
 use crate::simd::{LANES, Lanes, LanesKernel, run_lanes};
 
 /// Results of moving the particles.
@@ -45,24 +45,16 @@ pub fn gather(
     dt_s: f32,
     domain_m: [[f32; 3]; 2],
 ) -> Moved {
-    /// Packs per task: enough to make the overhead of a task small, few enough to share the work evenly.
-    const TASK: usize = 64;
     let context = Context { columns: &sorted.columns, nodes, laws, spacing_m, dt_s, domain_m };
-    sorted
-        .packs
-        .par_chunks_mut(TASK)
-        .enumerate()
-        .map(|(task, packs)| {
-            let moved = run_lanes(Task { packs, context });
-            Moved { lost: moved.lost.map(|at| task * TASK + at), ..moved }
-        })
-        .reduce(
-            || Moved { fastest_m_s: 0.0, lost: None },
-            |a, b| Moved {
-                fastest_m_s: a.fastest_m_s.max(b.fastest_m_s),
-                lost: a.lost.into_iter().chain(b.lost).min(),
-            },
-        )
+    let of_tasks = parallel::map_chunks_mut(&mut sorted.packs, TASK, |task, packs| {
+        let moved = run_lanes(Task { packs, context });
+        Moved { lost: moved.lost.map(|at| task * TASK + at), ..moved }
+    });
+    let none = Moved { fastest_m_s: 0.0, lost: None };
+    of_tasks.into_iter().fold(none, |all, task| Moved {
+        fastest_m_s: all.fastest_m_s.max(task.fastest_m_s),
+        lost: all.lost.or(task.lost),
+    })
 }
 
 /// The packs that one task moves.

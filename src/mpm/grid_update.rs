@@ -1,9 +1,10 @@
 //! On the grid: momentum to velocity, gravity, boundary conditions.
 
-use rayon::prelude::*;
+use std::mem::take;
 
 use super::grid::{Columns, NODE};
 use crate::mpm::boundary::Boundary;
+use crate::parallel;
 
 /// Nodes lighter than this, in kg, hold only rounding errors.
 const LEAST_MASS_KG: f32 = 1e-30;
@@ -22,10 +23,11 @@ pub fn update(
     let mut rest = nodes;
     for i in 0..columns.count[0] {
         let (plane, after) = rest.split_at_mut((columns.plane[i + 1] - columns.plane[i]) * NODE);
-        planes.push((i, plane));
+        planes.push(plane);
         rest = after;
     }
-    planes.into_par_iter().for_each(|(i, mut plane)| {
+    parallel::for_each_mut(&mut planes, |i, plane| {
+        let mut plane = take(plane);
         for j in 0..columns.count[1] {
             let span = columns.span[i * columns.count[1] + j].clone();
             let (column, after) = plane.split_at_mut(span.len() * NODE);

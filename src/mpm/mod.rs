@@ -31,13 +31,17 @@ mod sort;
 mod stencil;
 
 use crate::mpm::boundary::Boundary;
+use crate::parallel;
+use crate::simd::LANES;
 pub use grid::DRIFT;
 use in_order::InOrder;
 use laws::Law;
 use particles::{Motion, Pack, Particle, Row, compensated_sum};
-use rayon::prelude::*;
 use sort::Sorted;
 pub use stencil::base_cell;
+
+/// Packs per task: enough to make the overhead of a task small, few enough to share the work evenly.
+const TASK: usize = 64;
 
 /// Settings that do not change while the solver runs. SI units.
 #[derive(Debug, Clone)]
@@ -118,8 +122,11 @@ impl Solver {
             }
             farthest
         };
-        let guests = self.sorted.packs.par_iter_mut().filter(|pack| pack.id[0] as usize >= own);
-        let farthest = guests.map(put).reduce(|| 0.0, f32::max);
+        let farthest = parallel::map_chunks_mut(&mut self.sorted.packs, TASK, |_, packs| {
+            let guests = packs.iter_mut().filter(|pack| pack.id[0] as usize >= own);
+            guests.map(put).fold(0.0, f32::max)
+        });
+        let farthest = farthest.into_iter().fold(0.0, f32::max);
         self.drift += farthest / self.setting.spacing_m;
     }
 
@@ -172,7 +179,7 @@ impl Solver {
     /// Moves every particle as gravity alone does in `dt_s`. To be followed by [`Solver::host`].
     pub fn fall(&mut self, dt_s: f32) {
         let gravity = self.setting.gravity_m_s2;
-        self.sorted.packs.par_iter_mut().for_each(|pack| {
+        parallel::for_each_mut(&mut self.sorted.packs, |_, pack| {
             let rows = pack.position.iter_mut().zip(&mut pack.compensation).zip(&mut pack.velocity).zip(gravity);
             for (((positions, compensations), velocities), g) in rows {
                 for ((x, c), v) in positions.iter_mut().zip(compensations).zip(velocities) {
@@ -185,7 +192,7 @@ impl Solver {
 
     /// Sets every particle's velocity to what `change` returns for its number and velocity.
     pub fn change_velocities(&mut self, change: impl Fn(u32, [f32; 3]) -> [f32; 3] + Sync) {
-        self.sorted.packs.par_iter_mut().for_each(|pack| {
+        parallel::for_each_mut(&mut self.sorted.packs, |_, pack| {
             for lane in 0..pack.live as usize {
                 let changed = change(pack.id[lane], pack.velocity.map(|row| row[lane]));
                 for (row, v) in pack.velocity.iter_mut().zip(changed) {
@@ -202,9 +209,10 @@ impl Solver {
         if self.is_due_for_sorting() {
             self.sort();
         }
-        let before = self.sorted.packs.par_iter().map(|pack| [pack.position, pack.compensation]);
-        before.collect_into_vec(&mut self.before);
-        self.sorted.packs.par_iter_mut().for_each(|pack| {
+        let packs = &self.sorted.packs;
+        self.before.resize(packs.len(), [[[0.0; LANES]; 3]; 2]);
+        parallel::for_each_mut(&mut self.before, |n, before| *before = [packs[n].position, packs[n].compensation]);
+        parallel::for_each_mut(&mut self.sorted.packs, |_, pack| {
             for lane in 0..pack.live as usize {
                 if let Some(motion) = led(pack.id[lane], pack.position.map(|row| row[lane])) {
                     pack.take(lane, &motion);
@@ -226,7 +234,11 @@ impl Solver {
             }
             fastest
         };
-        let fastest = self.sorted.packs.par_iter_mut().zip(&self.before).map(lead).reduce(|| 0.0, f32::max);
+        let before = &self.before;
+        let fastest = parallel::map_chunks_mut(&mut self.sorted.packs, TASK, |task, packs| {
+            packs.iter_mut().zip(&before[task * TASK..]).map(lead).fold(0.0, f32::max)
+        });
+        let fastest = fastest.into_iter().fold(0.0, f32::max);
         self.fastest_m_s = self.fastest_m_s.max(fastest);
         self.drift += fastest * dt_s / self.setting.spacing_m;
     }

@@ -7,11 +7,10 @@
 use std::array::{from_fn, from_mut, from_ref};
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::grid::{Columns, DRIFT, NOTHING, SLAB};
 use super::particles::{Pack, Particle};
 use super::stencil::base_cell;
+use crate::parallel;
 use crate::simd::LANES;
 
 /// Particles in the order in which the phases process them, and their grid.
@@ -120,7 +119,8 @@ fn rearrange(packs: &mut Vec<Pack>, places: &[u32], groups: &[Group]) {
     move_rows(packs, places, groups, |p| from_ref(&p.state), |p| from_mut(&mut p.state));
     move_rows(packs, places, groups, |p| from_ref(&p.id), |p| from_mut(&mut p.id));
     packs.truncate(groups.len());
-    packs.par_iter_mut().zip(groups).for_each(|(pack, group)| {
+    parallel::for_each_mut(packs, |n, pack| {
+        let group = &groups[n];
         (pack.live, pack.law) = (group.live, group.law);
         pack.pad();
     });
@@ -138,8 +138,9 @@ fn move_rows<T: Copy + Send + Sync, const N: usize>(
         let rows = rows(&packs[place as usize / LANES]);
         from_fn(|r| rows[r][place as usize % LANES])
     };
-    let values: Vec<[T; N]> = places.par_iter().map(value).collect();
-    packs.par_iter_mut().zip(groups).for_each(|(pack, group)| {
+    let values: Vec<[T; N]> = parallel::map(places, value);
+    parallel::for_each_mut(packs, |n, pack| {
+        let group = &groups[n];
         let rows = rows_mut(pack);
         for (lane, value) in values[group.first as usize..][..group.live as usize].iter().enumerate() {
             for (row, value) in rows.iter_mut().zip(value) {

@@ -1,9 +1,9 @@
 //! Convex hulls.
 
+use crate::parallel;
 use nalgebra::{Point2, Point3, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::transformation::try_convex_hull;
-use rayon::prelude::*;
 
 use super::sphere_directions;
 
@@ -71,7 +71,7 @@ impl Hull {
             let along = |p: &Point3<f64>| p.coords.dot(direction);
             points.iter().max_by(|a, b| along(a).total_cmp(&along(b))).copied()
         };
-        let found: Vec<Point3<f64>> = directions.par_iter().filter_map(farthest).collect();
+        let found: Vec<Point3<f64>> = parallel::flat_map(&directions, farthest);
         Self::of(&found)
     }
 

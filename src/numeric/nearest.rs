@@ -7,6 +7,8 @@
 
 use std::ops::Range;
 
+use crate::parallel;
+
 /// A set of points to search.
 pub struct Nearest {
     /// Each point and its index in the order given.
@@ -100,7 +102,7 @@ fn split(points: &mut [([f32; 3], u32)], axes: &mut [u8]) {
     axes[middle] = axis as u8;
     let (left, right) = points.split_at_mut(middle);
     let (left_axes, right_axes) = axes.split_at_mut(middle);
-    rayon::join(|| split(left, left_axes), || split(&mut right[1..], &mut right_axes[1..]));
+    parallel::join(|| split(left, left_axes), || split(&mut right[1..], &mut right_axes[1..]));
 }
 
 fn widest_axis(points: &[([f32; 3], u32)]) -> usize {

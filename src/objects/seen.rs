@@ -1,9 +1,8 @@
 //! In how many photos an object is seen, and how much of it is hidden.
 
-use rayon::prelude::*;
-
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::render::{RenderOptions, render_labels};
 use crate::scene::{ObjectNumber, StandingObjects};
 use crate::words::progress::Progress;
@@ -66,7 +65,7 @@ pub fn look(found: &StandingObjects, progress: Progress) -> Vec<Look> {
         bar.inc(1);
         Look { view, objects }
     };
-    let looks = chosen.par_iter().map(look).collect();
+    let looks = parallel::map(&chosen, look);
     bar.finish_and_clear();
     looks
 }

@@ -6,10 +6,9 @@
 
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::project::{ALPHA_MIN, Splat};
 use super::tiles::{TILE, Tiles};
+use crate::parallel;
 use crate::simd::{self, Lanes, LanesKernel, run_lanes};
 
 /// Pixels blended together.
@@ -55,16 +54,14 @@ pub(super) fn blend<S: Sink>(
     (width, height): (usize, usize),
     new_sink: impl Fn(TileRect) -> S + Sync,
 ) -> Vec<(TileRect, S)> {
-    (tiles.columns * rows.start..tiles.columns * rows.end)
-        .into_par_iter()
-        .map(|t| {
-            let (x, y) = (t % tiles.columns * TILE, t / tiles.columns * TILE);
-            let rect = TileRect { x, y, width: TILE.min(width - x), height: TILE.min(height - y) };
-            let mut sink = new_sink(rect);
-            run_lanes(TileBlend { rect, splats: tiles.of(t), sink: &mut sink });
-            (rect, sink)
-        })
-        .collect()
+    parallel::map_range(tiles.columns * rows.len(), |n| {
+        let t = tiles.columns * rows.start + n;
+        let (x, y) = (t % tiles.columns * TILE, t / tiles.columns * TILE);
+        let rect = TileRect { x, y, width: TILE.min(width - x), height: TILE.min(height - y) };
+        let mut sink = new_sink(rect);
+        run_lanes(TileBlend { rect, splats: tiles.of(t), sink: &mut sink });
+        (rect, sink)
+    })
 }
 
 /// The splats of one tile, front to back, and the sink of their weights.

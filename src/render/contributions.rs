@@ -1,11 +1,10 @@
 //! The contribution of each Gaussian to the pixels of each label: alpha times transmittance, summed.
 
-use rayon::prelude::*;
-
 use super::blend::{LANES, Sink, TRANSMITTANCE_MIN, TileRect};
 use super::project::Splat;
 use super::tiles::TILE;
 use super::{Projected, pixels};
+use crate::parallel;
 
 /// A view sees a Gaussian if what is in front lets at least this share of its light through, over the pixels that at
 /// least [`TRANSMITTANCE_MIN`] of the light still reaches; at the others, blending has ended. A closed surface of
@@ -39,7 +38,7 @@ pub fn contributions<L: Copy + Ord + Send>(
         arrived >= VISIBLE_SHARE * sent
     });
     // A stable sort: contributions that a tile border has split are added up in the order of the tiles.
-    found.par_sort_by_key(|&(gaussian, label, _)| (gaussian, label));
+    parallel::sort_by(&mut found, |a, b| (a.0, a.1).cmp(&(b.0, b.1)));
     found.dedup_by(|next, kept| {
         let same = (next.0, next.1) == (kept.0, kept.1);
         kept.2 += if same { next.2 } else { 0.0 };

@@ -19,10 +19,10 @@ mod tiles;
 pub mod triangles;
 
 use image::{Rgba, RgbaImage};
-use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 pub use blend::{ALPHA_MAX, LANES, Sink, TRANSMITTANCE_MIN, TileRect};
 use color::ColorSink;
 pub use contributions::contributions;
@@ -218,7 +218,7 @@ fn sh_colors(gaussians: &Gaussians, camera: &Camera) -> Vec<[f32; 3]> {
         let direction = (gaussians.center(i) - eye).try_normalize(0.0).unwrap_or_default();
         sh_color(gaussians, i, direction.map(|v| v as f32).into())
     };
-    (0..gaussians.len()).into_par_iter().map(color).collect()
+    parallel::map_range(gaussians.len(), color)
 }
 
 fn assemble((width, height): (usize, usize), tiles: &[(TileRect, ColorSink)]) -> Render {

@@ -8,10 +8,10 @@
 //! front, [`SURFACE_DEVIATIONS`] in front of its centre.
 
 use nalgebra::{Matrix2, Matrix2x3, Matrix3, Point3, Vector2, Vector3};
-use rayon::prelude::*;
 
 use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
+use crate::parallel;
 
 /// Variance in px^2 added to a splat along both axes so that none is thinner than a pixel (3DGS, Kerbl et al. 2023).
 pub const LOW_PASS_PX2: f64 = 0.3;
@@ -85,8 +85,7 @@ impl<'a> Projector<'a> {
     /// The splats of all Gaussians that this camera can see, in the order of the Gaussians.
     pub(super) fn splats(&self, gaussians: &Gaussians) -> Vec<Splat> {
         // In one allocation, which is freed at once: many small ones would stay with the threads that made them.
-        let splats: Vec<Option<Splat>> =
-            (0..gaussians.len()).into_par_iter().map(|i| self.splat(gaussians, i)).collect();
+        let splats: Vec<Option<Splat>> = parallel::map_range(gaussians.len(), |i| self.splat(gaussians, i));
         splats.into_iter().flatten().collect()
     }
 

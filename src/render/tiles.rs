@@ -3,7 +3,7 @@
 //! Splats are sorted by depth, then by index. Runs of [`RUN`] sorted splats are binned separately and in parallel; a
 //! tile's list is the concatenation of its entries in all runs, so its order never depends on the number of threads.
 
-use rayon::prelude::*;
+use crate::parallel;
 
 use super::project::{ALPHA_MIN, Splat};
 
@@ -33,11 +33,10 @@ impl Tiles {
     pub fn new(width: usize, height: usize, splats: Vec<Splat>) -> Self {
         let splats = sorted_by_depth(splats);
         let (columns, rows) = (width.div_ceil(TILE), height.div_ceil(TILE));
-        let runs = splats
-            .par_chunks(RUN)
-            .enumerate()
-            .map(|(n, chunk)| Run::new(columns, rows, (n * RUN) as u32, chunk))
-            .collect();
+        let runs = parallel::map_range(splats.len().div_ceil(RUN), |n| {
+            let first = n * RUN;
+            Run::new(columns, rows, first as u32, &splats[first..splats.len().min(first + RUN)])
+        });
         Self { columns, rows, splats, runs }
     }
 
@@ -52,13 +51,10 @@ impl Tiles {
 
 fn sorted_by_depth(splats: Vec<Splat>) -> Vec<Splat> {
     // Depths are positive, so their bits sort in the same order; the position breaks ties and makes every key unique.
-    let mut keys: Vec<u64> = splats
-        .par_iter()
-        .enumerate()
-        .map(|(position, splat)| u64::from(splat.depth.to_bits()) << 32 | position as u64)
-        .collect();
-    keys.par_sort_unstable();
-    keys.par_iter().map(|&key| splats[(key & 0xffff_ffff) as usize]).collect()
+    let key = |position: usize| u64::from(splats[position].depth.to_bits()) << 32 | position as u64;
+    let mut keys = parallel::map_range(splats.len(), key);
+    parallel::sort_unstable_by(&mut keys, Ord::cmp);
+    parallel::map(&keys, |&key| splats[(key & 0xffff_ffff) as usize])
 }
 
 impl Run {

@@ -10,11 +10,11 @@
 //! 3. Each triangle in a pixel is shaded once, in the middle of its samples there, and counts by their number.
 
 use nalgebra::Point3;
-use rayon::prelude::*;
 
 use super::NEAR;
 use crate::camera::Camera;
 use crate::numeric::lists::Lists;
+use crate::parallel;
 
 /// Samples along each side of a pixel: an odd number, so that one of them is its centre.
 pub const SAMPLES: usize = 3;
@@ -64,7 +64,7 @@ pub fn draw(
     color: impl Fn(&SurfacePoint, f64) -> [f32; 3] + Sync,
 ) -> SurfacePicture {
     let (width, height) = (camera.intrinsics.width as usize, camera.intrinsics.height as usize);
-    let corners: Vec<Corner> = surface.vertices.par_iter().map(|vertex| Corner::new(*vertex, camera)).collect();
+    let corners: Vec<Corner> = parallel::map(surface.vertices, |vertex| Corner::new(*vertex, camera));
     let bands = by_band(surface.triangles, &corners, height);
     let mut picture = SurfacePicture {
         width: width as u32,
@@ -74,8 +74,9 @@ pub fn draw(
         depth: vec![f32::INFINITY; width * height],
     };
     let pixels = BAND_ROWS * width;
-    let planes = picture.rgb.par_chunks_mut(pixels).zip(picture.coverage.par_chunks_mut(pixels));
-    planes.zip(picture.depth.par_chunks_mut(pixels)).enumerate().for_each(|(index, ((rgb, coverage), depth))| {
+    let (rgb, coverage) = (picture.rgb.chunks_mut(pixels), picture.coverage.chunks_mut(pixels));
+    let mut rows: Vec<_> = rgb.zip(coverage).zip(picture.depth.chunks_mut(pixels)).collect();
+    parallel::for_each_mut(&mut rows, |index, ((rgb, coverage), depth)| {
         let mut band = Band::new(index * BAND_ROWS, rgb.len() / width.max(1), width);
         for triangle in bands.of(index) {
             let corners = surface.triangles[*triangle as usize].map(|corner| corners[corner as usize]);
@@ -83,7 +84,9 @@ pub fn draw(
                 band.cover(&flat, &is_there);
             }
         }
-        for (pixel, ((rgb, coverage), depth)) in rgb.iter_mut().zip(coverage).zip(depth).enumerate() {
+        for (pixel, ((rgb, coverage), depth)) in
+            rgb.iter_mut().zip(coverage.iter_mut()).zip(depth.iter_mut()).enumerate()
+        {
             let mut covered = 0;
             for seen in band.seen_in(pixel) {
                 let corners = surface.triangles[seen.triangle as usize].map(|corner| corners[corner as usize]);

@@ -10,7 +10,6 @@
 //! in the variant that keeps the three levels apart (LangSplat's, which the paper uses).
 
 use image::RgbImage;
-use rayon::prelude::*;
 
 use super::Level;
 use super::adaptive::{self, Adaptive};
@@ -26,6 +25,7 @@ use super::regions::remove_small_regions;
 use super::resize::cropped;
 use super::sam::{Decoded, PreparedEmbedding, Sam};
 use super::upsample::Upsampler;
+use crate::parallel;
 
 /// Distance from a crop's edge, in pixels, within which a box counts as cut off (`is_box_near_crop_edge`).
 const EDGE_TOLERANCE: u32 = 20;
@@ -62,11 +62,10 @@ impl Request<'_> {
             options.crop_overlap,
             options.crop_points_downscale,
         );
-        let by_crop = crops.into_par_iter().map(|crop| self.run_crop(sam, crop));
-        Ok(Candidates { by_crop: by_crop.collect::<Result<_, _>>()? })
+        Ok(Candidates { by_crop: parallel::try_map(&crops, |crop| self.run_crop(sam, crop))? })
     }
 
-    fn run_crop(&self, sam: &Sam, crop: Crop) -> Result<Vec<Candidate>, SegmentError> {
+    fn run_crop(&self, sam: &Sam, crop: &Crop) -> Result<Vec<Candidate>, SegmentError> {
         let grid = prompts::grid(crop.rect.width(), crop.rect.height(), crop.points_per_side);
         let passes = match self.adaptive {
             Some(_) => adaptive::passes(crop.points_per_side as usize),
@@ -76,7 +75,7 @@ impl Request<'_> {
         // The result of each point's prompt; `None` if SAM was not prompted there.
         let mut answers: Vec<Option<Vec<Candidate>>> = vec![None; grid.len()];
         for pass in passes {
-            let asked = self.worth_asking(&pass, &grid, &crop, &answers);
+            let asked = self.worth_asking(&pass, &grid, crop, &answers);
             self.observer.announced(asked.len());
             if asked.is_empty() {
                 continue;
@@ -86,9 +85,9 @@ impl Request<'_> {
             }
             let Some(frame) = &frame else { continue };
             let points: Vec<[f64; 2]> = asked.iter().map(|&index| grid[index]).collect();
-            let new: Result<Vec<Vec<_>>, SegmentError> =
-                points.par_chunks(sam.batch()).map(|points| self.run_prompts(sam, frame, points)).collect();
-            for (index, candidates) in asked.into_iter().zip(new?.into_iter().flatten()) {
+            let batches: Vec<&[[f64; 2]]> = points.chunks(sam.batch()).collect();
+            let new = parallel::try_map(&batches, |points| self.run_prompts(sam, frame, points))?;
+            for (index, candidates) in asked.into_iter().zip(new.into_iter().flatten()) {
                 answers[index] = Some(candidates);
             }
         }

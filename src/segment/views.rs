@@ -2,13 +2,12 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use rayon::prelude::*;
-
 use super::error::SegmentError;
 use super::observer::Observer;
 use super::options::Options;
 use super::segmenter::Segmenter;
 use super::{Segmentation, ViewSegments};
+use crate::parallel;
 use crate::scene::Photo;
 use crate::words::progress::{Bar, Progress, WHOLE};
 
@@ -35,7 +34,7 @@ pub fn segment_views<E: From<SegmentError> + Send>(
         tally.view_done();
         Ok(segments)
     };
-    let views = names.par_iter().map(segment_one).collect::<Result<Vec<_>, E>>();
+    let views = parallel::try_map(names, segment_one);
     tally.bar.finish_and_clear();
     Ok(Segmentation { views: views? })
 }

@@ -5,11 +5,11 @@
 //! rotation of F's polar decomposition (after Xie et al., *PhysGaussian*, 2024).
 
 use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 
 use super::checkpoint::FrameSummary;
 use super::object::Particles;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::render::sh_rotation;
 use crate::scene::robust_bounds;
 
@@ -39,7 +39,7 @@ pub fn summary(particles: &Particles, gaussians: &Gaussians, to_world: ToWorld, 
         mass += m;
         moment += m * Vector3::from(p.position_m.map(f64::from));
     }
-    let elastic: Vec<f64> = (0..particles.count()).into_par_iter().map(|id| particles.elastic_j(id)).collect();
+    let elastic: Vec<f64> = parallel::map_range(particles.count(), |id| particles.elastic_j(id));
     let bounds = robust_bounds(gaussians);
     FrameSummary {
         t_s,
@@ -55,16 +55,17 @@ pub fn summary(particles: &Particles, gaussians: &Gaussians, to_world: ToWorld, 
 pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &Particles, to_world: ToWorld) -> Gaussians {
     /// Gaussians computed before they are stored: their spherical harmonics are most of a scene's memory.
     const AT_ONCE: usize = 1 << 14;
-    let moved = |(id, &i): (usize, &u32)| {
+    let moved = |id: usize| {
+        let i = carried[id];
         let particle = particles.get(id);
         let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
         let deformation = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
         (i, Moved::new(gaussians, i as usize, world_m / to_world.meters_per_unit, &deformation))
     };
     let mut out = gaussians.clone();
-    for (chunk, carried) in carried.chunks(AT_ONCE).enumerate() {
-        let of_chunk = carried.par_iter().enumerate().map(|(at, i)| moved((chunk * AT_ONCE + at, i)));
-        for (i, moved) in of_chunk.collect::<Vec<_>>() {
+    for first in (0..carried.len()).step_by(AT_ONCE) {
+        let of_chunk = parallel::map_range(AT_ONCE.min(carried.len() - first), |at| moved(first + at));
+        for (i, moved) in of_chunk {
             moved.store(&mut out, i as usize);
         }
     }

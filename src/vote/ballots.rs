@@ -6,12 +6,11 @@
 //! two segments, where the centre of a large Gaussian says nothing about the rest of it, and needs no depth test:
 //! hidden Gaussians add no light.
 
-use rayon::prelude::*;
-
 use super::answered_subjects::AnsweredSubjects;
 use super::options::Rule;
 use super::{Progress, VotingView};
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::render::depth_test::{DepthMap, DepthTest};
 use crate::render::{Projected, RenderOptions, Splat, contributions};
 use crate::segment::LabelMap;
@@ -101,7 +100,7 @@ fn by_center(
         let segment = find(map.labels[pixel])?;
         test.passes(splat, depth).then_some((splat.gaussian, Ballot { segment, weight: 1.0 }))
     };
-    projected.splats().par_iter().filter_map(vote).collect()
+    parallel::flat_map(projected.splats(), vote)
 }
 
 /// Ballots under [`Rule::Contribution`].

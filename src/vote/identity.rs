@@ -19,12 +19,11 @@ use std::cmp::Ordering;
 use std::collections::{BTreeMap, BinaryHeap};
 use std::ops::Range;
 
-use rayon::prelude::*;
-
 use super::AnsweredPart;
 use super::answered_subjects::AnsweredSubjects;
 use super::ballots::{Ballot, Ballots};
 use super::plurality::{Tally, add, winner};
+use crate::parallel;
 use crate::query::Answer;
 
 /// Overlap above which two groups are one 3D part. Above one half, a segment has at most one partner in another view,
@@ -143,7 +142,7 @@ fn shared_light(ballots: &Ballots, view_of: &[usize]) -> Shared {
         let rows = light.chunks_exact(segments);
         rows.map(|row| row.iter().copied().enumerate().filter(|(_, light)| *light > 0).collect()).collect()
     };
-    let of_views: Vec<Shared> = segments_of_views(view_of).par_iter().map(of_view).collect();
+    let of_views: Vec<Shared> = parallel::map(&segments_of_views(view_of), of_view);
     of_views.into_iter().flatten().collect()
 }
 

@@ -10,7 +10,7 @@
 //! Ties go to the larger sum of votes times the answers' confidence, then to the first material by name, then to the
 //! first 3D part. A single view decides alone; if views conflict, the majority wins and `confidence` tells by how much.
 
-use rayon::prelude::*;
+use crate::parallel;
 
 use super::answered_subjects::AnsweredSubjects;
 use super::ballots::{Ballot, Ballots};
@@ -56,7 +56,7 @@ pub(super) fn elect(
     subjects: &AnsweredSubjects,
     candidates: &[PartMaterial],
 ) -> Vec<Option<Elected>> {
-    (0..ballots.gaussians()).into_par_iter().map(|i| elect_one(ballots.of(i), subjects, candidates)).collect()
+    parallel::map_range(ballots.gaussians(), |i| elect_one(ballots.of(i), subjects, candidates))
 }
 
 fn elect_one(ballots: &[Ballot], subjects: &AnsweredSubjects, candidates: &[PartMaterial]) -> Option<Elected> {

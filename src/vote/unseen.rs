@@ -9,11 +9,11 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 
 use super::tally::{Elected, PartMaterial};
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
+use crate::parallel;
 
 /// Number of candidates per wanted neighbour, nearest by Euclidean distance, from which the metric selects.
 const CANDIDATES_PER_NEIGHBOR: usize = 4;
@@ -32,7 +32,8 @@ pub(super) fn fill(gaussians: &Gaussians, elected: &[Option<Elected>], neighbors
         let found = seen.near(gaussians.positions[i], neighbors * CANDIDATES_PER_NEIGHBOR);
         most_frequent(&in_own_metric(gaussians, i, found), neighbors, elected)
     };
-    (0..elected.len()).into_par_iter().map(|i| elected[i].map(|e| e.choice).or_else(|| of_neighbors(i))).collect()
+    let choice = |i: usize| elected[i].map(|e| e.choice).or_else(|| of_neighbors(i));
+    parallel::map_range(elected.len(), choice).into_iter().collect()
 }
 
 /// Seen Gaussians, to be searched.

@@ -10,9 +10,9 @@ use std::path::{Component, Path};
 use image::{ImageFormat, ImageReader, Limits};
 use minijinja::{Value, context};
 use percent_encoding::{AsciiSet, NON_ALPHANUMERIC, utf8_percent_encode};
-use rayon::prelude::*;
 
 use crate::files;
+use crate::parallel;
 use crate::pictures::thumbnail;
 use crate::report::ESTIMATED;
 use crate::report::style;
@@ -112,12 +112,11 @@ fn page(summary: &Summary, title: &str, home: &Path) -> String {
     let mids: Vec<f64> = masses().map(|mass| mass.mid).filter(|mass| *mass > 0.0).collect();
     let widths: Vec<f64> = masses().filter_map(width).collect();
     let usual = Usual { mass: Fences::of(&mids), width: Fences::of(&widths) };
-    let known = summary.outcomes.par_iter().map(|outcome| (&outcome.scene, row(outcome, &usual.marks(outcome), home)));
+    let row_of = |outcome: &Outcome| row(outcome, &usual.marks(outcome), home);
+    let known = summary.outcomes.iter().map(|outcome| &outcome.scene).zip(parallel::map(&summary.outcomes, row_of));
     let no_result = [Mark::NoResult.text()];
-    let unknown = summary
-        .missing
-        .par_iter()
-        .map(|name| (name, context! { name, state => "unknown", rank => 1, marks => no_result }));
+    let unknown =
+        summary.missing.iter().map(|name| (name, context! { name, state => "unknown", rank => 1, marks => no_result }));
     let rows: BTreeMap<&String, Value> = known.chain(unknown).collect();
     let plots = [
         histogram("Masses", MASS_COLUMN, "kg", &mids),

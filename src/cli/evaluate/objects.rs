@@ -2,12 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
 use crate::error::{Result, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::objects::{FoundObject, ObjectsEvaluation, Overlaps, Truth, compare};
 use crate::files;
+use crate::parallel;
 use crate::render::{RenderOptions, render_labels};
 use crate::scene::{ObjectNumber, Options, StandingObjects, View};
 
@@ -33,7 +32,7 @@ fn evaluate_one(folder: &Path, options: &Options) -> Result<ObjectsEvaluation> {
     if views.is_empty() {
         return Err(EvaluateError::NoMaps { path: folder.join(TRUE_MAPS) }.into());
     }
-    let maps = views.par_iter().map(|view| -> Result<_> {
+    let maps = parallel::try_map(&views, |view| -> Result<_> {
         let path = map_of(view);
         check_truth(&path, &options.read_scope(folder))?;
         let map = part_map(&path)?;
@@ -45,9 +44,9 @@ fn evaluate_one(folder: &Path, options: &Options) -> Result<ObjectsEvaluation> {
         let labels =
             render_labels(&found.gaussians, &view.camera, &found.object_of_gaussian, &RenderOptions::default());
         Ok((map, labels))
-    });
+    })?;
     let mut overlaps = Overlaps::default();
-    for (map, labels) in maps.collect::<Result<Vec<_>>>()? {
+    for (map, labels) in maps {
         overlaps.count(map.as_raw(), &labels, &ids, found.count as u32);
     }
     let object = |number: ObjectNumber| FoundObject { name: number.to_string(), bounds: found.bounds_in_input(number) };

@@ -2,12 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
 use crate::consensus::{self, SegmentedView};
 use crate::error::{Result, UsageError};
 use crate::evaluate::parts::{PartsEvaluation, TrueView, compare, compare_segments};
 use crate::from_splat::photo_with_foreground;
+use crate::parallel;
 use crate::pipeline::{self, open_segmenter};
 use crate::scene::{self, Scene, View};
 use crate::words::output::counted;
@@ -62,7 +61,7 @@ impl TrueScene {
         let segments_of = |view: &View| -> Result<_> {
             Ok(segmenter.segment_view(&view.name, &photo_with_foreground(&self.scene, view)?, segment, &())?)
         };
-        let found = self.chosen.par_iter().map(segments_of).collect::<Result<Vec<_>>>()?;
+        let found = parallel::try_map(&self.chosen, segments_of)?;
         let views = self.chosen.iter().zip(&found);
         let cloud = self.scene.whole_cloud();
         let views: Vec<SegmentedView> =

@@ -4,10 +4,9 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use super::super::Model;
 use crate::numeric::nearest::Nearest;
+use crate::parallel;
 use crate::scene::SceneMesh;
 use crate::scene::mesh::{GltfPrimitive, Mesh, Triangles, surface_of_triangles};
 
@@ -73,7 +72,7 @@ fn filled(model: &Model, surface: &Triangles, elected: &[Option<u32>]) -> Vec<u3
         let (indices, nearest) = of_surface.get(&surface_of[triangle]).unwrap_or(&everywhere);
         nearest.find(middle, 1).first().map_or(0, |(_, at)| model.field.part_label[indices[*at as usize]])
     };
-    elected.par_iter().enumerate().map(|(triangle, label)| label.unwrap_or_else(|| of_nearest(triangle))).collect()
+    parallel::map_range(elected.len(), |triangle| elected[triangle].unwrap_or_else(|| of_nearest(triangle)))
 }
 
 fn of_vertices(surface: &Triangles, of_triangle: &[u32]) -> Vec<Option<u32>> {

@@ -7,7 +7,6 @@
 
 use image::{Rgb, RgbImage};
 use nalgebra::{Matrix3, Point3, Vector3};
-use rayon::prelude::*;
 
 use super::atlas::Tile;
 use super::{Mesh, REACH, reach_of};
@@ -15,6 +14,7 @@ use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::lists::Lists;
 use crate::numeric::nearest::Nearest;
+use crate::parallel;
 use crate::parts::Grid;
 use crate::render::sh_color;
 
@@ -125,14 +125,11 @@ impl<'a> Painter<'a> {
     /// A painter for surfaces on a grid.
     pub fn new(gaussians: &'a Gaussians, cameras: &[Camera], grid: &Grid) -> Self {
         let coarse = grid.coarser(COARSE);
-        let spans: Vec<Option<[[usize; 2]; 3]>> = (0..gaussians.len())
-            .into_par_iter()
-            .map(|i| {
-                // Every cell that the box touches, not only those whose centre it holds.
-                let reach = reach_of(gaussians, i).add_scalar(0.5 * coarse.cell);
-                coarse.cells_between(gaussians.center(i) - reach, gaussians.center(i) + reach)
-            })
-            .collect();
+        let spans: Vec<Option<[[usize; 2]; 3]>> = parallel::map_range(gaussians.len(), |i| {
+            // Every cell that the box touches, not only those whose centre it holds.
+            let reach = reach_of(gaussians, i).add_scalar(0.5 * coarse.cell);
+            coarse.cells_between(gaussians.center(i) - reach, gaussians.center(i) + reach)
+        });
         let each = |visit: &mut dyn FnMut(usize, u32)| {
             for (i, [xs, ys, zs]) in spans.iter().enumerate().filter_map(|(i, span)| Some((i, (*span)?))) {
                 for z in zs[0]..=zs[1] {
@@ -149,7 +146,7 @@ impl<'a> Painter<'a> {
             grid: coarse,
             depth: DEPTH_CELLS * grid.cell,
             members,
-            met: (0..gaussians.len()).into_par_iter().map(|i| Met::of(gaussians, i, least)).collect(),
+            met: parallel::map_range(gaussians.len(), |i| Met::of(gaussians, i, least)),
             nearest: Nearest::new(gaussians.positions.iter().copied()),
             towards: cameras.iter().filter_map(|c| (c.center_in_world() - grid.middle()).try_normalize(1e-9)).collect(),
         }
@@ -159,7 +156,7 @@ impl<'a> Painter<'a> {
     pub fn picture(&self, mesh: &Mesh, layout: &[Tile], [width, height]: [u32; 2]) -> RgbImage {
         let normals = mesh.normals();
         let painted: Vec<Vec<([u32; 2], [u8; 3])>> =
-            mesh.triangles.par_iter().zip(layout).map(|(t, tile)| self.tile(mesh, &normals, *t, tile)).collect();
+            parallel::map_range(layout.len(), |n| self.tile(mesh, &normals, mesh.triangles[n], &layout[n]));
         // Pixels that no tile covers have the mean colour, because viewers blend them in from afar.
         let count = painted.iter().map(Vec::len).sum::<usize>().max(1) as f64;
         let sum = |channel: usize| painted.iter().flatten().map(|(_, color)| f64::from(color[channel])).sum::<f64>();
@@ -204,17 +201,16 @@ impl<'a> Painter<'a> {
             let normal = mean_direction(&triangle.map(|v| normals[v as usize]));
             self.near(&corners, &[normal]).color(middle, normal)
         };
-        mesh.triangles.par_iter().map(color).collect()
+        parallel::map(&mesh.triangles, color)
     }
 
     /// A colour for each vertex of a mesh in scene units.
     pub fn vertex_colors(&self, mesh: &Mesh) -> Vec<[u8; 3]> {
         let normals = mesh.normals();
-        mesh.vertices
-            .par_iter()
-            .zip(&normals)
-            .map(|(at, normal)| self.near(&[*at], &[*normal]).color(*at, *normal))
-            .collect()
+        parallel::map_range(normals.len(), |n| {
+            let (at, normal) = (mesh.vertices[n], normals[n]);
+            self.near(&[at], &[normal]).color(at, normal)
+        })
     }
 
     /// The Gaussians that may be met on a line through a place between `corners`, along a normal between `normals`.

@@ -8,12 +8,12 @@
 //! Finally, the surface of every component is moved inward until its hull has the component's volume.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::Solid;
 use super::clearance::{Clearance, Overreach};
 use crate::numeric::hull::Hull;
 use crate::numeric::{evenly, scatter};
+use crate::parallel;
 use crate::parts::{Grid, OUTSIDE, blur};
 
 /// How far a hull may reach beyond the object, as a share of the object's diagonal, and in cells at least: below that,
@@ -65,7 +65,7 @@ pub fn colliders(solid: &Solid, meters_per_unit: f64) -> Vec<Collider> {
     let clearance = Clearance::of(solid);
     let blurred = blur(&solid.grid, &solid.mask(None));
     let tolerance = (TOLERANCE * diagonal(solid)).max(LEAST_CELLS * solid.grid.cell);
-    let of_part = |part: u32| {
+    let of_part = |&part: &u32| {
         let hulls = Decomposition::new(solid, part, &clearance, &blurred, tolerance).hulls();
         hulls.into_iter().enumerate().map(move |(index, hull)| Collider {
             part,
@@ -74,7 +74,7 @@ pub fn colliders(solid: &Solid, meters_per_unit: f64) -> Vec<Collider> {
             triangles: hull.triangles,
         })
     };
-    solid.parts().into_par_iter().flat_map_iter(of_part).collect()
+    parallel::flat_map(&solid.parts(), of_part)
 }
 
 /// The diagonal of the object's box, scene units.
@@ -150,7 +150,7 @@ impl<'a> Decomposition<'a> {
         }
         self.join();
         let error = 0.25 * self.grid.cell;
-        self.components.par_iter().filter_map(|component| self.fitted(component)?.simple(error)).collect()
+        parallel::flat_map(&self.components, |component| self.fitted(component)?.simple(error))
     }
 
     /// The hull of a component with its surface moved inward until the hull has the component's volume, but not by more than
@@ -282,7 +282,7 @@ impl<'a> Decomposition<'a> {
             let [left, right] = [volume(&left), volume(&right)];
             left + right + BALANCE * whole * (left - right).abs() / (left + right).max(f64::MIN_POSITIVE)
         };
-        let costs: Vec<f64> = cuts.par_iter().map(cost).collect();
+        let costs: Vec<f64> = parallel::map(&cuts, cost);
         let best = (0..cuts.len()).min_by(|a, b| costs[*a].total_cmp(&costs[*b]))?;
         // Halving a ring saves nothing, because the hulls of the halves fill the hole too; quartering it does.
         let pairs: Vec<[usize; 2]> = (0..through_notch.len()).flat_map(|b| (0..b).map(move |a| [a, b])).collect();
@@ -299,7 +299,7 @@ impl<'a> Decomposition<'a> {
             }
             quarters.iter().map(|points| volume(points)).sum::<f64>()
         };
-        let costs_of_both: Vec<f64> = pairs.par_iter().map(cost_of_both).collect();
+        let costs_of_both: Vec<f64> = parallel::map(&pairs, cost_of_both);
         let cross = (0..pairs.len()).min_by(|a, b| costs_of_both[*a].total_cmp(&costs_of_both[*b]));
         let is_better = |cross: &usize| 0.5 * (whole - costs_of_both[*cross]) > whole - costs[best];
         Some(cross.filter(is_better).map_or(cuts[best], |cross| through_notch[pairs[cross][0]]))
@@ -329,7 +329,7 @@ impl<'a> Decomposition<'a> {
 
     /// The pairs that can be joined.
     fn joints(&self, components: &[Option<Component>], pairs: Vec<(usize, usize)>) -> Vec<Joint> {
-        let joint = |pair: (usize, usize)| {
+        let joint = |&pair: &(usize, usize)| {
             let (one, other) = (components[pair.0].as_ref()?, components[pair.1].as_ref()?);
             if !self.touch(one, other) {
                 return None;
@@ -339,7 +339,7 @@ impl<'a> Decomposition<'a> {
             let overreach = self.clearance.overreach(&hull);
             (overreach.depth <= self.tolerance).then(|| Joint { pair, volume: hull.volume(), hull, overreach })
         };
-        pairs.into_par_iter().filter_map(joint).collect()
+        parallel::flat_map(&pairs, joint)
     }
 
     fn touch(&self, one: &Component, other: &Component) -> bool {

@@ -16,10 +16,10 @@ mod solid;
 mod surface;
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::Model;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::parts::Interior;
 use crate::scene::SupportSurface;
 use crate::vote::FieldLabel;
@@ -193,7 +193,7 @@ pub fn part_meshes(model: &Model, shape: &Shape) -> Vec<PartMesh> {
     let parts = solid.parts();
     let cells = |part: u32| solid.part.iter().filter(|owner| **owner == part).count();
     let most = parts.iter().map(|part| cells(*part)).max().unwrap_or(1);
-    let meshed = parts.into_par_iter().map(|part| {
+    let mut meshed = parallel::map(&parts, |&part| {
         // Surfaces grow with the square of the size.
         let share = (cells(part) as f64 / most as f64).powf(2.0 / 3.0);
         let triangles = (TRIANGLES as f64 * share).max(200.0) as usize;
@@ -202,7 +202,8 @@ pub fn part_meshes(model: &Model, shape: &Shape) -> Vec<PartMesh> {
         let colors = painter.vertex_colors(&mesh);
         PartMesh { part, mesh: shape.finished(mesh), colors }
     });
-    meshed.filter(|meshed| meshed.mesh.volume() > 0.0).collect()
+    meshed.retain(|meshed| meshed.mesh.volume() > 0.0);
+    meshed
 }
 
 /// The standard deviations at which a Gaussian ends: beyond, 1.1 % of its opacity is left.

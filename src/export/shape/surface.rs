@@ -6,9 +6,9 @@
 //! cell stays open.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::Mesh;
+use crate::parallel;
 use crate::parts::{Grid, blur};
 
 /// The surface crosses the line from an inside to an outside cell at this share of it, at least and at most. One half
@@ -31,11 +31,11 @@ pub fn of(grid: &Grid, mask: &[bool]) -> Mesh {
     let strides = grid.strides();
     let corner = |cube: usize, c: usize| cube + (0..3).map(|axis| CORNERS[c][axis] * strides[axis]).sum::<usize>();
     let last = mask.len() - corner(0, 7);
-    let mixed = |cube: &usize| {
-        let inside = (0..8).filter(|c| mask[corner(*cube, *c)]).count();
+    let is_mixed = |cube: usize| {
+        let inside = (0..8).filter(|c| mask[corner(cube, *c)]).count();
         inside > 0 && inside < 8
     };
-    let cubes: Vec<usize> = (0..last).into_par_iter().filter(mixed).collect();
+    let cubes: Vec<usize> = parallel::flat_map_range(last, |cube| is_mixed(cube).then_some(cube));
 
     let mut vertex_of = vec![u32::MAX; 3 * mask.len()];
     let mut mesh = Mesh::default();
@@ -125,11 +125,11 @@ fn smooth(mesh: &mut Mesh) {
     let neighbours = mesh.neighbours();
     for _ in 0..ROUNDS {
         for share in SMOOTHING {
-            let moved = mesh.vertices.par_iter().zip(&neighbours).map(|(at, beside)| {
+            mesh.vertices = parallel::map_range(mesh.vertices.len(), |n| {
+                let (at, beside) = (mesh.vertices[n], &neighbours[n]);
                 let sum: Vector3<f64> = beside.iter().map(|n| mesh.vertices[*n as usize].coords).sum();
                 at + (sum / beside.len() as f64 - at.coords) * share
             });
-            mesh.vertices = moved.collect();
         }
     }
 }

@@ -16,7 +16,6 @@ mod refine;
 mod templates;
 
 use nalgebra::{Point3, Similarity3};
-use rayon::prelude::*;
 
 use super::compare::EQUAL_DB;
 use super::samples;
@@ -24,6 +23,7 @@ use super::verdict::Small;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::{evenly, upper_median};
+use crate::parallel;
 use crate::scene::{Scene, SceneError, View};
 use crate::words::progress::{Bar, Progress};
 use anchor::{Anchor, anchors};
@@ -126,7 +126,7 @@ pub(super) fn search(scene: &Scene, views: &[View], progress: Progress) -> Resul
     let (apart, seen): (Vec<usize>, Vec<usize>) = (0..views.len()).partition(is_apart);
     let reduced = |indices: &[usize]| -> Result<Vec<Reduced>, SceneError> {
         let few: Vec<usize> = evenly(indices, MOST_PHOTOS).copied().collect();
-        few.into_par_iter().map(|index| Reduced::new(scene, &views[index])).collect()
+        parallel::try_map(&few, |index| Reduced::new(scene, &views[*index]))
     };
     let cloud = scene.whole_cloud();
     let search = Search { cloud: &cloud, photos: reduced(&seen)?, apart: reduced(&apart)? };
@@ -182,7 +182,7 @@ impl Search<'_> {
         let sketch = merged(&cloud, SKETCH_GAUSSIANS);
         let problem = Problem { cloud: &cloud, sketch: &sketch, views: &views, passes: round.passes, center, radius };
         let (best, others) = starts.split_at(round.candidates.min(starts.len()));
-        let refined = best.par_iter().map(|start| problem.refined(start.similarity, round.steps)).collect();
+        let refined = parallel::map(best, |start| problem.refined(start.similarity, round.steps));
         let mut found = sorted(refined);
         found.extend(others);
         distinct(found, starts.len(), anchor)
@@ -195,7 +195,7 @@ impl Search<'_> {
             let sum: f64 = drawn.iter().zip(&small.picture).map(|(a, b)| f64::from(a - b).powi(2)).sum();
             (-10.0 * (sum / drawn.len().max(1) as f64).log10()).min(EQUAL_DB)
         };
-        upper_median(self.apart.par_iter().map(psnr_db).collect()).unwrap_or_default()
+        upper_median(parallel::map(&self.apart, psnr_db)).unwrap_or_default()
     }
 
     /// The median distance, in pixels of the reduced photos, between points of the object as the cameras show them now and

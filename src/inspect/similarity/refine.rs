@@ -3,11 +3,11 @@
 //! in less detail than what is compared with the photos, since they only say which way to go.
 
 use nalgebra::{Point3, SMatrix, SVector, Similarity3, Translation3, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 
 use super::pictures::{blur, drawn, sketched};
 use crate::gaussians::Gaussians;
 use crate::inspect::verdict::Small;
+use crate::parallel;
 
 /// Three of rotation (radians), three of shift (radii of the object), the logarithm of the scale.
 const PARAMETERS: usize = 7;
@@ -114,12 +114,12 @@ impl Problem<'_> {
             let drawn = self.drawn(view, similarity);
             drawn.iter().zip(&view.picture).map(|(a, b)| f64::from(a - b).powi(2)).sum()
         };
-        self.views.par_iter().map(of_view).collect::<Vec<_>>().into_iter().sum()
+        parallel::map(self.views, of_view).into_iter().sum()
     }
 
     fn slope(&self, similarity: &Similarity3<f64>) -> Slope {
         let of_view = |view: &Small| self.slope_of_view(view, similarity);
-        let slopes: Vec<Slope> = self.views.par_iter().map(of_view).collect();
+        let slopes: Vec<Slope> = parallel::map(self.views, of_view);
         let none = Slope { sum: 0.0, gradient: Step::zeros(), normal: Normal::zeros() };
         // In the order of the views, whatever the number of threads.
         slopes.into_iter().fold(none, |all, one| Slope {

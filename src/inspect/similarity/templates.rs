@@ -5,7 +5,6 @@
 use std::f64::consts::TAU;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 
 use super::anchor::Anchor;
 use super::merge::merged;
@@ -14,6 +13,7 @@ use crate::camera::{Camera, Distortion, Intrinsics};
 use crate::gaussians::Gaussians;
 use crate::inspect::verdict::{Small, picture};
 use crate::numeric::{all_rotations, evenly, sphere_directions, upper_median};
+use crate::parallel;
 use crate::render::RenderOptions;
 
 /// Side of the pictures compared, in pixels.
@@ -65,22 +65,22 @@ impl Templates {
         let distances = photos.iter().map(|photo| (photo.camera.center_in_world() - anchor.focus).norm());
         let distance = upper_median(distances.collect())?;
         let few: Vec<&Reduced> = evenly(photos, PHOTOS).collect();
-        let patches: Vec<Option<Patch>> =
-            few.into_par_iter().map(|photo| Patch::new(&photo.at(PHOTO_SIDE), anchor)).collect();
+        let patches: Vec<Option<Patch>> = parallel::map(&few, |photo| Patch::new(&photo.at(PHOTO_SIDE), anchor));
         let patches: Vec<Patch> = patches.into_iter().flatten().collect();
         if patches.len() < LEAST_PHOTOS {
             return None;
         }
         let directions: Vec<Axes> = sphere_directions(DIRECTIONS).map(|toward| Axes::new(toward, None)).collect();
-        let lookup = |rotation: UnitQuaternion<f64>| {
+        let lookup = |&rotation: &UnitQuaternion<f64>| {
             let seen = |(index, patch): (usize, &Patch)| {
                 let (direction, turn) = patch.seen(&rotation, &directions);
                 (direction, index * ROLLS + turn)
             };
             Lookup { rotation, seen: patches.iter().enumerate().map(seen).collect() }
         };
-        let rotations = all_rotations(ROTATIONS).collect::<Vec<_>>().into_par_iter().map(lookup).collect();
-        Some(Self { cloud: merged(cloud, GAUSSIANS), distance, patches, directions, rotations })
+        let rotations: Vec<_> = all_rotations(ROTATIONS).collect();
+        let rotations = parallel::map(&rotations, lookup);
+        Some(Self { cloud: merged(cloud, GAUSSIANS), distance, patches, rotations, directions })
     }
 
     /// All rotations, in a fixed order.
@@ -89,7 +89,7 @@ impl Templates {
             let template = picture(&self.cloud, &axes.camera(anchor, self.distance), &RenderOptions::default());
             self.patches.iter().flat_map(|patch| &patch.turns).map(|turn| turn.correlation(&template)).collect()
         };
-        let table: Vec<Vec<f32>> = self.directions.par_iter().map(correlations).collect();
+        let table: Vec<Vec<f32>> = parallel::map(&self.directions, correlations);
         let score = |lookup: &Lookup| {
             let sum: f32 = lookup.seen.iter().map(|(direction, turn)| table[*direction][*turn]).sum();
             Scored { rotation: lookup.rotation, score: f64::from(sum) / lookup.seen.len() as f64 }

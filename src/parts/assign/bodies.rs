@@ -2,11 +2,11 @@
 //! body, also where the other one hides it.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::{Grid, Labelled, NONE, Surface, assign};
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
+use crate::parallel;
 use crate::scene::mesh::solid::Measured;
 
 /// Of a mesh with more bodies, such as a heap of grains, all share one surface.
@@ -53,7 +53,7 @@ fn body_of_cells(grid: &Grid, label: &[u32], mesh: &Measured) -> Vec<Option<u32>
         let from = grid.center(grid.coords(first)) + beside;
         mesh.bodies_along(from, Vector3::z() * grid.cell, grid.dims[2])
     };
-    let columns: Vec<Vec<Option<u32>>> = (0..up).into_par_iter().map(column).collect();
+    let columns: Vec<Vec<Option<u32>>> = parallel::map_range(up, column);
     (0..grid.len()).map(|cell| columns[cell % up][cell / up].filter(|_| label[cell] != NONE)).collect()
 }
 
@@ -65,7 +65,7 @@ fn body_of_gaussians(gaussians: &Gaussians, mesh: &Measured) -> Vec<Option<u32>>
         let found = nearest.find(point.coords.map(|x| x as f32).into(), 1);
         Some((gaussians.surface_of(found.first()?.1 as usize), *body))
     };
-    let mut votes: Vec<(u32, u32)> = points.par_iter().filter_map(surface_at).collect();
+    let mut votes: Vec<(u32, u32)> = parallel::flat_map(&points, surface_at);
     votes.sort_unstable();
     let of_surface = |votes: &[(u32, u32)]| {
         let runs = votes.chunk_by(|a, b| a == b).map(|run| (run.len(), run[0]));

@@ -9,9 +9,8 @@
 
 use std::collections::BTreeMap;
 
-use rayon::prelude::*;
-
 use super::region::Region;
+use crate::parallel;
 use crate::parts::grid::Grid;
 use crate::parts::grid::surface::NONE;
 
@@ -57,7 +56,7 @@ impl Blocks {
             let most = votes.into_iter().rev().max_by_key(|(_, count)| *count);
             (most.map_or(NONE, |(label, _)| label), is_fixed)
         };
-        let (label, fixed) = (0..grid.len()).into_par_iter().map(of_block).unzip();
+        let (label, fixed) = parallel::map_range(grid.len(), of_block).into_iter().unzip();
         Self { side, grid, label, fixed }
     }
 
@@ -65,11 +64,12 @@ impl Blocks {
     fn relax(&mut self, rounds: usize) {
         let mut shares = self.shares();
         for _ in 0..rounds {
-            let blurred: Vec<Share> = shares.par_iter().map(|share| share.blurred(&self.grid)).collect();
+            let mut blurred: Vec<Share> = parallel::map(&shares, |share| share.blurred(&self.grid));
             // Squares divided by their sum: a share of one half stays, larger ones grow. The division also corrects for
             // what diffused outside.
             let sums = self.sums_of_squares(&blurred);
-            shares = blurred.into_par_iter().filter_map(|blurred| blurred.sharpened(self, &sums)).collect();
+            let sharpened = parallel::map_mut(&mut blurred, |_, share| share.sharpened(self, &sums));
+            shares = sharpened.into_iter().flatten().collect();
         }
         let mut largest = vec![0f32; self.label.len()];
         for share in shares {
@@ -100,7 +100,7 @@ impl Blocks {
     fn sums_of_squares(&self, blurred: &[Share]) -> Vec<f32> {
         let mut sums = vec![0f32; self.label.len()];
         let layer = self.grid.layer();
-        sums.par_chunks_mut(layer).enumerate().for_each(|(z, sums)| {
+        parallel::for_each_chunk_mut(&mut sums, layer, |z, sums| {
             for share in blurred {
                 for start in share.region.starts_of_layer(z) {
                     let (own, at) = share.region.row(start, &self.grid);
@@ -113,7 +113,7 @@ impl Blocks {
     }
 
     fn scatter(&self, cells: &Grid, label: &mut [u32], fixed: &[bool]) {
-        label.par_iter_mut().enumerate().for_each(|(cell, label)| {
+        parallel::for_each_mut(label, |cell, label| {
             if *label != NONE && !fixed[cell] {
                 *label = self.label[self.grid.index(cells.coords(cell).map(|c| c / self.side))];
             }
@@ -136,7 +136,7 @@ impl Share {
     }
 
     /// Sharpens a blurred share and restricts it to the blocks where it is not zero; `None` if there are none.
-    fn sharpened(mut self, blocks: &Blocks, sums: &[f32]) -> Option<Self> {
+    fn sharpened(&mut self, blocks: &Blocks, sums: &[f32]) -> Option<Self> {
         let mut needed: Option<Region> = None;
         for (own, at) in self.region.rows(&blocks.grid) {
             for (value, i) in self.values[own].iter_mut().zip(at) {
@@ -171,7 +171,8 @@ impl Share {
 fn box_sums(dims: [usize; 3], values: &[f32]) -> Vec<f32> {
     let window = |at: usize, length: usize| at.saturating_sub(RADIUS)..(at + RADIUS + 1).min(length);
     let mut along_x = vec![0f32; values.len()];
-    along_x.par_chunks_mut(dims[0]).zip(values.par_chunks(dims[0])).for_each(|(sums, row)| {
+    parallel::for_each_chunk_mut(&mut along_x, dims[0], |line, sums| {
+        let row = &values[line * dims[0]..][..dims[0]];
         for (x, sum) in sums.iter_mut().enumerate() {
             *sum = row[window(x, dims[0])].iter().sum();
         }
@@ -179,7 +180,7 @@ fn box_sums(dims: [usize; 3], values: &[f32]) -> Vec<f32> {
     let mut values = along_x;
     for (stride, length) in [(dims[0], dims[1]), (dims[0] * dims[1], dims[2])] {
         let mut sums = vec![0f32; values.len()];
-        sums.par_chunks_mut(stride).enumerate().for_each(|(line, sums)| {
+        parallel::for_each_chunk_mut(&mut sums, stride, |line, sums| {
             let (start, at) = (line / length * length, line % length);
             for other in window(at, length) {
                 let row = &values[(start + other) * stride..][..stride];

@@ -6,10 +6,10 @@
 //! view saw lies behind it, through the same part: the wall is there.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use super::thickness::chord;
 use crate::numeric::sphere_directions;
+use crate::parallel;
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 
@@ -30,12 +30,12 @@ pub fn faces(cells: &Labelled, is_shell: impl Fn(u32) -> bool + Sync) -> Vec<boo
         let label = cells.label[surface.cells[s] as usize];
         label != NONE && is_shell(label) && enclosed(cells, s, label, &directions) >= ENCLOSED
     };
-    let enclosed: Vec<bool> = (0..surface.cells.len()).into_par_iter().map(looks_in).collect();
+    let enclosed: Vec<bool> = parallel::map_range(surface.cells.len(), looks_in);
     let outer_wall_behind = |s: usize| {
         let exit = chord(cells, s).and_then(|chord| chord.exit);
         exit.is_some_and(|exit| cells.seen[exit as usize] && !enclosed[exit as usize])
     };
-    (0..surface.cells.len()).into_par_iter().map(|s| enclosed[s] && outer_wall_behind(s)).collect()
+    parallel::map_range(surface.cells.len(), |s| enclosed[s] && outer_wall_behind(s))
 }
 
 /// The share of the directions in front of a face in which it sees its own part, weighted by the cosine to its normal.

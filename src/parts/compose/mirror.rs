@@ -8,9 +8,9 @@
 //! volume does without them, the high one keeps them.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::unseen::Doubt;
+use crate::parallel;
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 
@@ -61,7 +61,7 @@ pub fn doubt_unlike_the_seen_side(cells: &Labelled, is_solid: &[bool], doubt: &m
         return false;
     }
     let depth_of_seen = SEEN_CELLS * cells.grid.cell;
-    doubt.par_iter_mut().enumerate().for_each(|(i, doubt)| {
+    parallel::for_each_mut(doubt, |i, doubt| {
         let label = cells.label[i];
         if label == NONE || !is_solid[label as usize] || is_inside(mirror.image(center(cells, i))) {
             return;

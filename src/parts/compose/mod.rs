@@ -23,13 +23,12 @@ pub mod volume;
 mod wall;
 pub mod wire;
 
-use rayon::prelude::*;
-
 use super::assign::Labelled;
 use super::grid::surface::NONE;
 use super::grid::{FILLING, Interior, OUTSIDE, VOID};
 use super::mass::moments::Moments;
 use super::mass::unknowns::Effect;
+use crate::parallel;
 use crate::units::{Estimate, Reading};
 use of_mesh::OfMesh;
 use thickness::{Chord, thickness};
@@ -205,7 +204,7 @@ impl Contents<'_> {
             }
             sums
         };
-        let layers: Vec<_> = (0..grid.dims[2]).into_par_iter().map(of_layer).collect();
+        let layers: Vec<_> = parallel::map_range(grid.dims[2], of_layer);
         let total = |l: usize| -> Readings {
             std::array::from_fn(|k| layers.iter().map(|layer| layer[l][k]).sum::<f64>() * grid.cell_volume())
         };
@@ -291,7 +290,7 @@ impl Contents<'_> {
                 (None, Construction::Wall { filled: None, .. }) => (VOID, 0.0),
             }
         };
-        let (part, fraction) = (0..self.cells.label.len()).into_par_iter().map(cell).unzip();
+        let (part, fraction) = parallel::map_range(self.cells.label.len(), cell).into_iter().unzip();
         Interior { grid: self.cells.grid, part, fraction }
     }
 

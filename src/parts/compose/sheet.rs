@@ -8,9 +8,8 @@
 //! the cell: in a layer one or two cells thick, such lengths are mostly noise from the grid, and any roughness would
 //! count as area.
 
-use rayon::prelude::*;
-
 use super::spread::Spread;
+use crate::parallel;
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 
@@ -26,5 +25,5 @@ pub fn thickness(cells: &Labelled, ray: impl Fn(usize) -> Option<f64> + Sync) ->
         let reach = (ray / cells.grid.cell + AROUND_CELLS).ceil() as usize;
         (Spread::around(cells, i, reach).thickness() * cells.grid.cell) as f32
     };
-    (0..cells.label.len()).into_par_iter().map(of_cell).collect()
+    parallel::map_range(cells.label.len(), of_cell)
 }

@@ -2,8 +2,8 @@
 //! until they leave the part.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
+use crate::parallel;
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
 use crate::units::Estimate;
@@ -28,7 +28,7 @@ pub struct Chord {
 /// The ray from every cell of seen surface; `None` for other cells and cells without a normal.
 pub fn chords(cells: &Labelled) -> Vec<Option<Chord>> {
     let count = cells.surface.cells.len();
-    (0..count).into_par_iter().map(|s| if cells.seen[s] { chord(cells, s) } else { None }).collect()
+    parallel::map_range(count, |s| if cells.seen[s] { chord(cells, s) } else { None })
 }
 
 /// Per label, the thickness between seen surfaces, scene units: median over area, quartiles as low and high. If no ray

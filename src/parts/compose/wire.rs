@@ -11,12 +11,12 @@
 use std::f64::consts::{FRAC_PI_4, SQRT_2};
 
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
-use rayon::prelude::*;
 
 use super::SHEET_SLACK;
 use super::spread::Spread;
 use super::thickness::Chord;
 use crate::numeric::{NORMAL_90, upper_median};
+use crate::parallel;
 use crate::parts::assign::Labelled;
 use crate::parts::inside::silhouettes::{Silhouettes, Width};
 
@@ -87,25 +87,20 @@ pub fn wires(
     // From the edge of a strip, a ray inward is as long as the strip is broad. Without a ray, only the depth decides.
     let soft = SHEET_SLACK * uncertainty;
     let longest = (1 + BROADER) as f64 * soft;
-    let is_thin = |&i: &usize| {
+    let is_thin = |i: usize| {
         is_solid.get(cells.label[i] as usize) == Some(&true)
             && f64::from(cells.surface.depth[i]) <= soft
             && chords[cells.surface.nearest[i] as usize].is_none_or(|chord| chord.length <= longest)
     };
-    let mut thin: Vec<([usize; 3], u32, usize)> = (0..cells.label.len())
-        .into_par_iter()
-        .filter(is_thin)
-        .map(|i| (cells.grid.coords(i).map(|at| at / BLOCK_CELLS), cells.label[i], i))
-        .collect();
-    thin.par_sort_unstable();
+    let mut thin: Vec<([usize; 3], u32, usize)> = parallel::flat_map_range(cells.label.len(), |i| {
+        is_thin(i).then(|| (cells.grid.coords(i).map(|at| at / BLOCK_CELLS), cells.label[i], i))
+    });
+    parallel::sort_unstable_by(&mut thin, Ord::cmp);
     let blocks: Vec<_> = thin.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).collect();
-    let measured: Vec<Option<Wire>> = blocks
-        .par_iter()
-        .map(|block| {
-            let block: Vec<usize> = block.iter().map(|(_, _, i)| *i).collect();
-            at_cell(cells, central(cells, &block), silhouettes, uncertainty)
-        })
-        .collect();
+    let measured: Vec<Option<Wire>> = parallel::map(&blocks, |block| {
+        let block: Vec<usize> = block.iter().map(|(_, _, i)| *i).collect();
+        at_cell(cells, central(cells, &block), silhouettes, uncertainty)
+    });
     for (block, wire) in blocks.iter().zip(measured) {
         block.iter().for_each(|(_, _, i)| wires[*i] = wire.unwrap_or_default());
     }

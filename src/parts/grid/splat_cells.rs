@@ -3,10 +3,10 @@
 //! number of threads.
 
 use nalgebra::{Matrix3, Point3, Vector3};
-use rayon::prelude::*;
 
 use super::Grid;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 
 /// A Gaussian is evaluated out to this many standard deviations; beyond, 1.1 % of its opacity or less is left.
 const REACH: f64 = 3.0;
@@ -38,11 +38,8 @@ pub fn splat<S: Send>(
     new_block: impl Fn(std::ops::Range<usize>) -> S + Sync,
     add: impl Fn(&mut S, usize, usize, f64) + Sync,
 ) -> Vec<S> {
-    let blobs: Vec<Blob> = (0..gaussians.len())
-        .into_par_iter()
-        .filter(|&i| kept[i])
-        .filter_map(|i| blob(gaussians, i, grid, least_deviation))
-        .collect();
+    let blob_of = |i: usize| if kept[i] { blob(gaussians, i, grid, least_deviation) } else { None };
+    let blobs: Vec<Blob> = parallel::flat_map_range(gaussians.len(), blob_of);
     let blocks = grid.dims[2].div_ceil(LAYERS);
     let mut of_block: Vec<Vec<u32>> = vec![Vec::new(); blocks];
     for (n, blob) in blobs.iter().enumerate() {
@@ -52,20 +49,16 @@ pub fn splat<S: Send>(
         }
     }
     let layer = grid.layer();
-    of_block
-        .into_par_iter()
-        .enumerate()
-        .map(|(block, members)| {
-            let (first, end) = (block * LAYERS, ((block + 1) * LAYERS).min(grid.dims[2]));
-            let mut state = new_block(first * layer..end * layer);
-            for n in members {
-                blobs[n as usize].visit(grid, [first, end - 1], |place, gaussian, value| {
-                    add(&mut state, place, gaussian, value);
-                });
-            }
-            state
-        })
-        .collect()
+    parallel::map_range(blocks, |block| {
+        let (first, end) = (block * LAYERS, ((block + 1) * LAYERS).min(grid.dims[2]));
+        let mut state = new_block(first * layer..end * layer);
+        for n in &of_block[block] {
+            blobs[*n as usize].visit(grid, [first, end - 1], |place, gaussian, value| {
+                add(&mut state, place, gaussian, value);
+            });
+        }
+        state
+    })
 }
 
 fn blob(gaussians: &Gaussians, i: usize, grid: &Grid, least_deviation: f64) -> Option<Blob> {

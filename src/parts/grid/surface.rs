@@ -4,8 +4,8 @@
 //! at a distance of (f - 1/2) / |grad f| from the cell's centre. Deeper cells find the nearest such point by sweeping
 //! (Danielsson 1980).
 
+use crate::parallel;
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::Grid;
 
@@ -36,10 +36,10 @@ impl Surface {
     /// Computes the surface of the cells of `inside`. No cell on the grid's border may be inside.
     pub fn of(grid: &Grid, inside: &[bool]) -> Self {
         let blurred = blur(grid, inside);
-        let is_surface = |&i: &usize| inside[i] && grid.neighbours(i).any(|n| !inside[n]);
-        let cells: Vec<u32> = (0..inside.len()).into_par_iter().filter(is_surface).map(|i| i as u32).collect();
+        let is_surface = |i: usize| inside[i] && grid.neighbours(i).any(|n| !inside[n]);
+        let cells: Vec<u32> = parallel::flat_map_range(inside.len(), |i| is_surface(i).then_some(i as u32));
         let local: Vec<(Point3<f64>, Vector3<f64>)> =
-            cells.par_iter().map(|&i| local_surface(grid, &blurred, i as usize)).collect();
+            parallel::map(&cells, |&i| local_surface(grid, &blurred, i as usize));
         let (points, normals): (Vec<_>, Vec<_>) = local.into_iter().unzip();
         let (depth, nearest) = distance_to(grid, inside, &cells, &points);
         let areas = areas(grid, &blurred, inside, &nearest, cells.len());
@@ -69,13 +69,12 @@ pub fn blur(grid: &Grid, inside: &[bool]) -> Vec<f32> {
     let mut from: Vec<f32> = inside.iter().map(|&inside| f32::from(u8::from(inside))).collect();
     for stride in grid.strides() {
         let reach = 2 * stride;
-        let to = (0..from.len()).into_par_iter().map(|i| {
+        from = parallel::map_range(from.len(), |i| {
             if i < reach || i + reach >= from.len() {
                 return 0.0;
             }
             TAPS.iter().enumerate().map(|(tap, weight)| weight * from[i - reach + tap * stride]).sum()
         });
-        from = to.collect();
     }
     from
 }

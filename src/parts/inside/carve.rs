@@ -5,9 +5,9 @@
 //! into (they stay filled), and for glass.
 
 use nalgebra::{Point2, Point3, Vector3};
-use rayon::prelude::*;
 
 use super::depth_view::DepthView;
+use crate::parallel;
 use crate::parts::grid::Grid;
 
 /// A pixel belongs to the object if at least this share of its light comes from Gaussians: the edge of a blurred step.
@@ -21,7 +21,7 @@ const VIEWS_MIN: usize = 2;
 /// `tolerance` (scene units), and those that are in no picture.
 pub fn carve(grid: &Grid, views: &[DepthView], tolerance: f64, inside: &mut [bool]) {
     let views_min = VIEWS_MIN.min(views.len());
-    inside.par_chunks_mut(grid.layer()).enumerate().for_each(|(z, layer)| {
+    parallel::for_each_chunk_mut(inside, grid.layer(), |z, layer| {
         for (i, cell) in layer.iter_mut().enumerate().filter(|(_, cell)| **cell) {
             let point = grid.center([i % grid.dims[0], i / grid.dims[0], z]);
             let (mut in_front, mut in_picture) = (0, false);

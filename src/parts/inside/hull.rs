@@ -2,11 +2,11 @@
 //! not show the underside, and without a bound the space under it, which no view looks through, would count as inside.
 
 use nalgebra::{Matrix3, Point3, Vector3};
-use rayon::prelude::*;
 
 use super::depth_view::DepthView;
 use crate::gaussians::Gaussians;
 use crate::numeric::sphere_directions;
+use crate::parallel;
 use crate::parts::grid::Grid;
 
 /// Directions in which the extent is measured, spread evenly (Fibonacci sphere), in addition to the two directions of
@@ -34,8 +34,8 @@ impl UnseenBound {
         let unseen = |n: &Vector3<f64>| eyes.iter().all(|eye| eye.dot(n) < GRAZING);
         let solid = |&i: &usize| kept[i] && gaussians.opacity(i) >= OPACITY_MIN;
         let solid: Vec<usize> = (0..gaussians.len()).filter(solid).collect();
-        let covariances: Vec<Matrix3<f64>> = solid.par_iter().map(|&i| gaussians.covariance(i)).collect();
-        let plane = |n: Vector3<f64>| {
+        let covariances: Vec<Matrix3<f64>> = parallel::map(&solid, |&i| gaussians.covariance(i));
+        let plane = |&n: &Vector3<f64>| {
             let reach = |(&i, covariance): (&usize, &Matrix3<f64>)| {
                 n.dot(&gaussians.center(i).coords) + n.dot(&(covariance * n)).max(0.0).sqrt()
             };
@@ -44,7 +44,7 @@ impl UnseenBound {
             Some((n, *reaches.select_nth_unstable_by(within, f64::total_cmp).1))
         };
         let directions: Vec<Vector3<f64>> = directions().into_iter().filter(unseen).collect();
-        Self { planes: directions.into_par_iter().filter_map(plane).collect() }
+        Self { planes: parallel::flat_map(&directions, plane) }
     }
 
     pub fn holds(&self, point: Point3<f64>) -> bool {
@@ -53,7 +53,7 @@ impl UnseenBound {
 
     /// Empties the cells beyond the bound.
     pub fn clip(&self, grid: &Grid, inside: &mut [bool]) {
-        inside.par_chunks_mut(grid.layer()).enumerate().for_each(|(z, layer)| {
+        parallel::for_each_chunk_mut(inside, grid.layer(), |z, layer| {
             for (i, cell) in layer.iter_mut().enumerate() {
                 *cell = *cell && self.holds(grid.center([i % grid.dims[0], i / grid.dims[0], z]));
             }

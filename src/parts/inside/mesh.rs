@@ -8,8 +8,8 @@
 //! Of a sheet, which bounds nothing, and of a wall that is thinner than a cell, the inside are the cells that it passes through.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
+use crate::parallel;
 use crate::parts::grid::Grid;
 use crate::scene::mesh::solid::{Kind, Measured, SurfacePlace};
 
@@ -95,7 +95,7 @@ fn shares(mesh: &Measured, grid: &Grid, area: &[f32]) -> Vec<f32> {
     let mut is_mixed = vec![!mesh.solid.topology.is_watertight(); blocks.len()];
     (0..area.len()).filter(|cell| area[*cell] > 0.0).for_each(|cell| is_mixed[block_of(cell)] = true);
     let of_block = |block: usize| if is_mixed[block] { 0.0 } else { whole(blocks.center(blocks.coords(block))) };
-    let in_block: Vec<f32> = (0..blocks.len()).into_par_iter().map(of_block).collect();
+    let in_block: Vec<f32> = parallel::map_range(blocks.len(), of_block);
     let of_cell = |cell: usize| {
         let (block, center) = (block_of(cell), grid.center(grid.coords(cell)));
         match (is_mixed[block], area[cell] > 0.0) {
@@ -107,7 +107,7 @@ fn shares(mesh: &Measured, grid: &Grid, area: &[f32]) -> Vec<f32> {
             }
         }
     };
-    (0..grid.len()).into_par_iter().map(of_cell).collect()
+    parallel::map_range(grid.len(), of_cell)
 }
 
 /// Places in a cell, from its middle, in cells: four along each axis, in another order along each, so that each is alone
@@ -132,5 +132,5 @@ fn inside(grid: &Grid, share: &[f32]) -> Vec<bool> {
         own if own >= HALF => true,
         own => own > 0.0 && !around(cell).any(|other| share[other] >= HALF),
     };
-    (0..grid.len()).into_par_iter().map(is_inside).collect()
+    parallel::map_range(grid.len(), is_inside)
 }

@@ -13,14 +13,14 @@ mod refine;
 pub mod silhouettes;
 
 use image::GrayImage;
-use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
+use nalgebra::Point3;
 
 use super::grid::Grid;
 use super::grid::surface::Surface;
 use super::{Options, PartsError, VolumeMethod};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::words::progress::Progress;
 use depth_view::DepthView;
 use hull::UnseenBound;
@@ -73,10 +73,11 @@ impl Inside {
 
     /// For each cell of the surface, whether a view sees it. If there are no views, all are taken as seen.
     pub fn in_view(&self, surface: &Surface) -> Vec<bool> {
-        let see = |(point, normal): (&Point3<f64>, &Vector3<f64>)| {
-            self.views.is_empty() || carve::is_seen(&self.views, *point, *normal, self.uncertainty)
+        let is_seen = |n: usize| {
+            let (point, normal) = (surface.points[n], surface.normals[n]);
+            self.views.is_empty() || carve::is_seen(&self.views, point, normal, self.uncertainty)
         };
-        surface.points.par_iter().zip(&surface.normals).map(see).collect()
+        parallel::map_range(surface.points.len(), is_seen)
     }
 }
 
@@ -119,7 +120,7 @@ pub(super) fn inside(
 /// Marks the grid's outermost cells as outside, so that filters and neighbour searches need no edge cases.
 fn without_border(grid: &Grid, mut cells: Vec<bool>) -> Vec<bool> {
     const BORDER: usize = 2;
-    cells.par_iter_mut().enumerate().for_each(|(i, inside)| {
+    parallel::for_each_mut(&mut cells, |i, inside| {
         let coords = grid.coords(i);
         *inside &= (0..3).all(|axis| (BORDER..grid.dims[axis] - BORDER).contains(&coords[axis]));
     });

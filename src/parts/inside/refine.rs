@@ -8,10 +8,10 @@
 //! where the silhouettes left it.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::carve::facing;
 use super::depth_view::DepthView;
+use crate::parallel;
 use crate::parts::grid::Grid;
 use crate::parts::grid::surface::{NONE, Surface};
 
@@ -19,10 +19,10 @@ use crate::parts::grid::surface::{NONE, Surface};
 /// Returns how much the views disagree: the root mean square of the standard deviations of their distances.
 pub fn refine(grid: &Grid, views: &[DepthView], reach: f64, inside: &mut [bool]) -> f64 {
     let surface = Surface::of(grid, inside);
-    let places = surface.points.par_iter().zip(&surface.normals);
-    let said: Vec<Option<Said>> = places.map(|(point, normal)| Said::by(views, *point, *normal, reach)).collect();
+    let said: Vec<Option<Said>> =
+        parallel::map_range(surface.points.len(), |n| Said::by(views, surface.points[n], surface.normals[n], reach));
     let excess: Vec<f32> = said.iter().map(|said| said.as_ref().map_or(0.0, Said::excess) as f32).collect();
-    inside.par_iter_mut().enumerate().for_each(|(i, cell)| {
+    parallel::for_each_mut(inside, |i, cell| {
         let nearest = surface.nearest[i];
         *cell = *cell && (nearest == NONE || surface.depth[i] >= excess[nearest as usize]);
     });

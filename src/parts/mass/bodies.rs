@@ -3,9 +3,8 @@
 //! A part may have small fragments where its wall is thin or its seam is ragged: fragments with less than [`BODY_SHARE`]
 //! of the part are assigned to the part's largest body.
 
-use rayon::prelude::*;
-
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::parts::grid::surface::NONE;
 use crate::parts::grid::{Grid, Interior};
 
@@ -72,7 +71,7 @@ impl Bodies {
             let near = cell.and_then(|cell| (0..=NEAR).find_map(|reach| around(grid, cell, reach).find(is_of_label)));
             near.map_or_else(|| first(label), |cell| Some(self.of_cell[cell]))
         };
-        let of_gaussian: Vec<Option<u32>> = (0..part_label.len()).into_par_iter().map(body_of).collect();
+        let of_gaussian: Vec<Option<u32>> = parallel::map_range(part_label.len(), body_of);
         let mut counts = vec![0; self.label.len()];
         of_gaussian.into_iter().flatten().for_each(|body| counts[body as usize] += 1);
         counts

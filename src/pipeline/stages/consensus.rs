@@ -1,13 +1,13 @@
 //! The parts on disk: a label map per view, `consensus.json`, and the part of every Gaussian. None of these are there if
 //! the model is asked about segments.
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::consensus::masks::{PartMasks, part_masks};
 use crate::consensus::{self, AskAbout, Part, Parts, SegmentedView};
 use crate::error::Result;
 use crate::files::npz::{Npz, NpzWriter};
+use crate::parallel;
 use crate::scene::View;
 use crate::segment::{LabelMap, Segmentation};
 use crate::words::output::{agreeing, counted};
@@ -93,8 +93,8 @@ fn find(open: &OpenScene, segmentation: &Segmentation) -> Result<Found> {
         views.map(|(view, segments)| SegmentedView { camera: &view.camera, cloud: &cloud, segments }).collect();
     let parts = consensus::find(gaussians, &views, open.progress());
     let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(&parts, view)).collect();
-    let sharpness = |view: &View| Ok(consensus::sharpness(&view.photo()?.rgb));
-    let sharpness = open.views.par_iter().map(sharpness).collect::<Result<Vec<_>>>()?;
+    let sharpness = |view: &View| view.photo().map(|photo| consensus::sharpness(&photo.rgb));
+    let sharpness = parallel::try_map(&open.views, sharpness)?;
     let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();
     let best = consensus::best_views(gaussians, &parts, &cameras, &masks, &sharpness);
     let found = parts.parts.iter().zip(best).map(|(part, best)| {

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::Stage;
+use crate::parallel;
 use crate::workdir::{Artifact, Checksum, Standing, WorkDir};
 
 /// The result of doing a stage.
@@ -77,6 +77,6 @@ impl StageRecord {
     /// Its files, and for each whether it is still as written.
     pub fn standing(&self, work: &WorkDir) -> Vec<(&Path, Standing)> {
         let standing_of = |output: &Output| work.standing(&output.path, &output.checksum);
-        self.outputs.par_iter().map(|output| (output.path.as_path(), standing_of(output))).collect()
+        parallel::map(&self.outputs, |output| (output.path.as_path(), standing_of(output)))
     }
 }

@@ -4,10 +4,10 @@
 use std::sync::Arc;
 
 use image::GrayImage;
-use rayon::prelude::*;
 use serde::Serialize;
 
 use crate::error::Result;
+use crate::parallel;
 use crate::parts::samples::{self, Sample};
 use crate::parts::{self, Interior, Known, Options, Parts, PartsError, PartsResult, Possibilities, Shape};
 use crate::scene::View;
@@ -116,7 +116,7 @@ fn possibilities(open: &OpenScene, field: &MaterialField) -> Result<Option<Possi
 /// not used for carving.
 fn coverage(views: &[View], options: &Options) -> Result<Vec<Option<GrayImage>>> {
     let chosen: Vec<usize> = parts::carving_views(views.len(), options).collect();
-    let of_chosen: Vec<_> = chosen.par_iter().map(|&view| views[view].coverage()).collect::<Result<_, _>>()?;
+    let of_chosen: Vec<_> = parallel::try_map(&chosen, |&view| views[view].coverage())?;
     let mut coverage = vec![None; views.len()];
     chosen.into_iter().zip(of_chosen).for_each(|(view, of_view)| coverage[view] = of_view);
     Ok(coverage)

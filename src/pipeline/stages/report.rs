@@ -6,8 +6,8 @@ use std::sync::Arc;
 
 use crate::error::Result;
 use crate::gaussians::bounds::longest_side;
+use crate::parallel;
 use nalgebra::Point3;
-use rayon::prelude::*;
 
 use crate::config::{self, Flag};
 use crate::report::{
@@ -82,22 +82,22 @@ fn pictures(open: &OpenScene, answers: &Answers, field: &MaterialField, simulate
     let work = &open.work;
     let about = FoundSubjects::of(open)?;
     let maps = about.settled_maps(open, answers)?;
-    let views = open.views.par_iter().zip(&maps);
-    let views = views.map(|(view, map)| ViewPictures::draw(view, map, &open.scene.gaussians, field));
+    let seen: Vec<_> = open.views.iter().zip(&maps).collect();
+    let views = parallel::try_map(&seen, |(view, map)| ViewPictures::draw(view, map, &open.scene.gaussians, field))?;
     let recognized = &open.get::<Recognized>()?.0;
     // What was asked about the whole object was asked with one sheet.
     let asked_alone = if recognized.is_some() { &[] } else { answers.all.as_slice() };
-    let sheets = asked_alone.par_iter().map(|answer| {
+    let sheets = parallel::try_map(asked_alone, |answer| -> Result<_> {
         let (view, number) = (answer.view.as_str(), answer.subject.number());
         Ok(SheetPicture::shrink(view, number, &work.read(Artifact::Sheet(view, number))?)?)
-    });
+    })?;
     let object = match recognized {
         Some(_) => Some(shrink_object(&work.read(Artifact::ObjectSheet)?)?),
         None => None,
     };
     Ok(Pictures {
-        views: views.collect::<Result<_, _>>()?,
-        sheets: sheets.collect::<Result<_>>()?,
+        views,
+        sheets,
         object,
         animation: if simulates { work.read(Artifact::Animation)? } else { vec![] },
         grasp: grasp::picture(work)?,

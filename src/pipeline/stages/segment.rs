@@ -4,12 +4,11 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Mutex;
 
-use rayon::prelude::*;
-
 use super::scene::gaussians_key;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never};
 use crate::camera::Intrinsics;
 use crate::error::Result;
+use crate::parallel;
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::pipeline::segment_files::{
     SegmentsFile, are_nested, models_key, open_segmenter, remove_other_formats, shows_only, stored_segments,
@@ -174,8 +173,7 @@ fn view<'a>(open: &'a OpenScene, name: &str) -> &'a View {
 fn view_keys(open: &OpenScene) -> Result<ViewKeys<'_>> {
     let (gaussians, models) = (gaussians_key(open)?, open.get::<Models>()?);
     // In parallel, because some photos are decoded.
-    let keys: Vec<Result<String>> =
-        open.views.par_iter().map(|view| view_key(open, view, &gaussians, &models.0)).collect();
+    let keys: Vec<Result<String>> = parallel::map(&open.views, |view| view_key(open, view, &gaussians, &models.0));
     open.views.iter().zip(keys).map(|(view, key)| Ok((view.name.as_str(), key?))).collect()
 }
 

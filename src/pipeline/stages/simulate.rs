@@ -3,11 +3,10 @@
 use std::io::{BufWriter, IntoInnerError, Write};
 use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-
 use crate::camera::Camera;
 use crate::error::{Context, Result, UsageError};
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::scene;
 use crate::scene::splat::ply;
 use crate::simulate::animation::{Film, Shooting};
@@ -80,7 +79,7 @@ fn simulated(open: &OpenScene, job: &Job) -> Result<SimulationReport> {
     let save = |frame: &Frame, snapshot: &Snapshot| {
         let splat = || work.write_with(Artifact::Frame(frame.index), |out| ply::write(out, &frame.gaussians, &[]));
         let states = || work.write_with(Artifact::States(frame.index), |out| snapshot.write_states(out));
-        let (splat, states) = rayon::join(splat, states);
+        let (splat, states) = parallel::join(splat, states);
         splat.and(states).context(NOT_KEPT)?;
         save_checkpoint(work, job.key, frame.index, snapshot).context(NOT_KEPT)
     };
@@ -175,7 +174,7 @@ fn checkpoint(work: &WorkDir, job: &Job) -> Option<Checkpoint> {
     if !files.iter().map(|file| &file.path).eq(frame_files(checkpoint.frames()).collect::<Vec<_>>().iter()) {
         return None;
     }
-    let standing: Vec<Standing> = files.par_iter().map(|file| work.standing(&file.path, &file.checksum)).collect();
+    let standing: Vec<Standing> = parallel::map(&files, |file| work.standing(&file.path, &file.checksum));
     for (file, _) in files.iter().zip(&standing).filter(|(_, standing)| **standing == Standing::Changed) {
         work.warn_changed(&file.path, again);
     }

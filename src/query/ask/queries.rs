@@ -1,11 +1,10 @@
 //! Every subject of every view with its sheet and its questions: what can be replayed, asked or exported.
 
-use rayon::prelude::*;
-
 use super::cost::{Cost, Price};
 use super::whole::AnyWholeQuestion;
 use crate::consensus::AskAbout;
 use crate::materials::MaterialLibrary;
+use crate::parallel;
 use crate::query::SubjectId;
 use crate::query::answer::{Problem, Unknown};
 use crate::query::error::QueryError;
@@ -109,24 +108,21 @@ fn subjects_of(view: &ViewSubjects, about: AskAbout, options: &Options) -> Resul
     let drawer = Drawer::new(photo, map, options.context, options.sheet_size);
     let mut ids = view.ids.to_vec();
     ids.sort_unstable();
-    ids.into_par_iter()
-        .map(|id| {
-            let sheet = drawer.sheet(id).ok_or_else(|| QueryError::EmptySubject {
-                view: view.name.into(),
-                subject: SubjectId::of(about, id),
-            })?;
-            let mask = Mask::of_id(map, id);
-            Ok(ShownSubject {
-                view: view.name.into(),
-                id,
-                photo_sha256: photo_sha256.clone(),
-                color: mask.mean_color(&photo.rgb),
-                mask,
-                regions: Vec::new(),
-                sheet_sha256: sheet.pixels_sha256(),
-                sheet_size: sheet.picture.dimensions(),
-                jpeg: sheet.jpeg(),
-            })
+    parallel::try_map(&ids, |&id| {
+        let sheet = drawer
+            .sheet(id)
+            .ok_or_else(|| QueryError::EmptySubject { view: view.name.into(), subject: SubjectId::of(about, id) })?;
+        let mask = Mask::of_id(map, id);
+        Ok(ShownSubject {
+            view: view.name.into(),
+            id,
+            photo_sha256: photo_sha256.clone(),
+            color: mask.mean_color(&photo.rgb),
+            mask,
+            regions: Vec::new(),
+            sheet_sha256: sheet.pixels_sha256(),
+            sheet_size: sheet.picture.dimensions(),
+            jpeg: sheet.jpeg(),
         })
-        .collect()
+    })
 }

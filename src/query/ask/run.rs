@@ -4,7 +4,6 @@ use std::collections::BTreeSet;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::asker::Asker;
@@ -14,6 +13,7 @@ use super::live::{Live, Stop};
 use super::queries::Queries;
 use super::replay::{self, Replayed};
 use super::whole::{AnyWholeQuestion, WholeAnswer, WholeOutcome, WholeQuestion};
+use crate::parallel;
 use crate::query::answer::Problem;
 use crate::query::error::{MissingAnswer, QueryError};
 use crate::query::options::AnswerSource;
@@ -202,12 +202,11 @@ impl Queries<'_> {
 
     /// The recordings that answer any subject, whoever answered: all others are unused by these views and options.
     pub fn used(&self, recordings: &Recordings) -> BTreeSet<Sha256Hex> {
-        let subjects = self.subjects.par_iter();
-        subjects
-            .flat_map_iter(|subject| self.questions.all().map(move |question| subject.asked(question)))
-            .chain(self.whole.par_iter().map(|whole| whole.shown().asked(whole.question())))
-            .flat_map_iter(|asked| recordings.serving(&asked))
-            .collect()
+        let of_subjects =
+            self.subjects.iter().flat_map(|subject| self.questions.all().map(|question| subject.asked(question)));
+        let of_whole = self.whole.iter().map(|whole| whole.shown().asked(whole.question()));
+        let asked: Vec<QuestionId> = of_subjects.chain(of_whole).collect();
+        parallel::flat_map(&asked, |asked| recordings.serving(asked)).into_iter().collect()
     }
 
     /// Answers every subject: from `recordings`, and from `asker` if they have no answer.
@@ -270,7 +269,7 @@ impl Queries<'_> {
 
     fn sort(&self, recordings: &Recordings, answerer: Option<&Answerer>) -> Sorted<'_> {
         let who = replay::who(answerer, self.options);
-        let replay = |subject| match self.options.answers {
+        let replay = |subject: &ShownSubject| match self.options.answers {
             AnswerSource::Live => {
                 Replayed::Missing { question: self.questions.first(), miss: Miss::Live, so_far: Match::Exact }
             }
@@ -278,7 +277,7 @@ impl Queries<'_> {
                 replay::replay(self, subject, recordings, who)
             }
         };
-        let replayed: Vec<Replayed> = self.subjects.par_iter().map(replay).collect();
+        let replayed: Vec<Replayed> = parallel::map(&self.subjects, replay);
         let mut sorted = Sorted { answered: Vec::new(), open: Vec::new() };
         for (index, replayed) in replayed.into_iter().enumerate() {
             match replayed {

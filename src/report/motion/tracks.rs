@@ -4,9 +4,9 @@
 //! turn little from frame to frame, can be interpolated, and compress well.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 
 use super::Still;
+use crate::parallel;
 use crate::report::cloud::{LOG_SCALE_SPAN, byte, extent};
 
 /// How a Gaussian moves.
@@ -71,7 +71,7 @@ impl Tracks {
         };
         Self {
             kinds,
-            axes: shown.par_iter().map(of_one).collect(),
+            axes: parallel::map(&shown, of_one),
             shown,
             of: alone.len(),
             corners: [corners.map(|[low, _]| low), corners.map(|[_, high]| high)],

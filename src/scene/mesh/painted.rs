@@ -5,11 +5,11 @@ use std::sync::LazyLock;
 
 use image::RgbaImage;
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::{Alpha, Mesh, Problem, Texture};
 use crate::numeric::lists::Lists;
 use crate::numeric::srgb_light;
+use crate::parallel;
 use crate::render::triangles::{Surface, SurfacePoint};
 
 /// A blended surface of less alpha than this is not there.
@@ -36,8 +36,7 @@ impl PaintedMesh {
     /// # Errors
     /// [`Problem::Undecodable`] if a picture is broken.
     pub fn new(mesh: Mesh) -> Result<Self, Problem> {
-        let decoded = mesh.pictures.par_iter().map(|picture| picture.decode().map(pyramid));
-        let pictures = decoded.collect::<Result<_, _>>()?;
+        let pictures = parallel::try_map(&mesh.pictures, |picture| picture.decode().map(pyramid))?;
         let corner_normals = corner_normals(&mesh);
         Ok(Self { mesh, pictures, corner_normals })
     }
@@ -173,7 +172,7 @@ pub(super) fn area_normal(mesh: &Mesh, triangle: usize) -> Vector3<f64> {
 /// [`SMOOTH_COSINE`] says. Vertices at one place count as one: a seam of the texture is none of the surface.
 fn corner_normals(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {
     let count = mesh.surface.triangles.len();
-    let normals: Vec<Vector3<f64>> = (0..count).into_par_iter().map(|triangle| area_normal(mesh, triangle)).collect();
+    let normals: Vec<Vector3<f64>> = parallel::map_range(count, |triangle| area_normal(mesh, triangle));
     let places = places_of_vertices(mesh);
     let around = triangles_around(mesh, &places);
     let at_corner = |triangle: usize, vertex: u32| {
@@ -188,8 +187,8 @@ fn corner_normals(mesh: &Mesh) -> Vec<[[f32; 3]; 3]> {
         };
         unit(&sum).map(|value| value as f32).into()
     };
-    let of_triangle = |(triangle, corners): (usize, &[u32; 3])| corners.map(|vertex| at_corner(triangle, vertex));
-    mesh.surface.triangles.par_iter().enumerate().map(of_triangle).collect()
+    let triangles = &mesh.surface.triangles;
+    parallel::map_range(triangles.len(), |triangle| triangles[triangle].map(|vertex| at_corner(triangle, vertex)))
 }
 
 /// A number for each vertex, the same for those at the same place.

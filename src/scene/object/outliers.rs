@@ -21,12 +21,12 @@
 use std::fmt;
 
 use nalgebra::{Matrix3, Point3};
-use rayon::prelude::*;
 use thiserror::Error;
 
 use crate::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
 use crate::numeric::nearest::Nearest;
 use crate::numeric::upper_median;
+use crate::parallel;
 use crate::words::output::{agreeing, thousands};
 use crate::words::progress::Progress;
 use crate::words::readable::significant;
@@ -158,7 +158,7 @@ fn find(gaussians: &Gaussians, core: &Core, progress: Progress) -> Option<Outlie
     }
     let around = Core::around_all(gaussians);
     let reaches_past_all = |&i: &usize| ends(gaussians, i).any(|end| around.distance(end) > REACH_MOST * size);
-    let (far, near): (Vec<usize>, Vec<usize>) = suspects.into_par_iter().partition(reaches_past_all);
+    let (far, near): (Vec<usize>, Vec<usize>) = suspects.into_iter().partition(reaches_past_all);
     let centers = Centers::of(gaussians, around, near.len());
     let measured = measured(gaussians, &near, &centers, progress);
     let unusual = measured.iter().filter(|one| one.excess > UNUSUAL_EXCESS).count();
@@ -170,7 +170,7 @@ fn find(gaussians: &Gaussians, core: &Core, progress: Progress) -> Option<Outlie
     };
     let mut indices = far;
     indices.extend(measured.iter().filter(is_outlier).map(|one| one.index));
-    indices.par_sort_unstable();
+    indices.sort_unstable();
     let first = Reaching::of(gaussians, *indices.first()?, &centers);
     Some(Outliers { indices, first })
 }
@@ -178,13 +178,13 @@ fn find(gaussians: &Gaussians, core: &Core, progress: Progress) -> Option<Outlie
 /// The Gaussians that are large for this cloud or lie outside of it.
 fn suspects(gaussians: &Gaussians, size: f64, core: &Core) -> Vec<usize> {
     let usual = upper_median((0..gaussians.len()).map(|i| gaussians.scale(i).max()).collect()).unwrap_or_default();
-    let is_suspect = |&i: &usize| {
+    let is_suspect = |i: usize| {
         let largest = gaussians.scale(i).max();
         largest > LARGE * usual
             || ELLIPSOID_DEVIATIONS * largest > REACH_MOST * size
             || core.distance(gaussians.center(i)) > OUTSIDE * size
     };
-    (0..gaussians.len()).into_par_iter().filter(is_suspect).collect()
+    parallel::flat_map_range(gaussians.len(), |i| is_suspect(i).then_some(i))
 }
 
 /// The reach and the excess of the Gaussians at `indices`, in their order.
@@ -198,12 +198,12 @@ fn measured(gaussians: &Gaussians, indices: &[usize], centers: &Centers, progres
         ));
     }
     let bar = progress.bar("outliers", indices.len() as u64).with_message("Gaussians");
-    let of_some = |some: &[usize]| -> Vec<Reaching> {
+    let of_some = |some: &&[usize]| -> Vec<Reaching> {
         let measured = some.iter().map(|&i| Reaching::of(gaussians, i, centers)).collect();
         bar.inc(some.len() as u64);
         measured
     };
-    let measured = indices.par_chunks(TOGETHER).flat_map_iter(of_some).collect();
+    let measured = parallel::flat_map(&indices.chunks(TOGETHER).collect::<Vec<_>>(), of_some);
     bar.finish_and_clear();
     measured
 }
@@ -251,7 +251,7 @@ impl Centers {
     fn of(gaussians: &Gaussians, around: Core, suspects: usize) -> Self {
         let key = |i: &u32| gaussians.positions[*i as usize].map(|side| (side + 0.0).to_bits());
         let mut first: Vec<u32> = (0..gaussians.len() as u32).collect();
-        first.par_sort_unstable_by_key(|i| (key(i), *i));
+        parallel::sort_unstable_by(&mut first, |a, b| (key(a), a).cmp(&(key(b), b)));
         first.dedup_by_key(|i| key(i));
         let positions: Vec<[f32; 3]> = first.iter().map(|&i| gaussians.positions[i as usize]).collect();
         let visits = visits(gaussians.len(), suspects);

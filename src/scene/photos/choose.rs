@@ -3,10 +3,10 @@
 use std::num::NonZeroUsize;
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::sharpness::sharpness;
 use crate::numeric::upper_median;
+use crate::parallel;
 use crate::scene::photos::view_names;
 use crate::scene::{Options, Scene, SceneError, View};
 
@@ -62,8 +62,9 @@ impl Scene {
         let covering =
             best(&self.coverages(), LEAST_COVERAGE, count, |values| values.iter().copied().fold(0.0, f64::max));
         let candidates = spread_among(&covering, CANDIDATES_PER_VIEW * count);
-        let measured = candidates.par_iter().map(|index| Ok(sharpness(&self.views[*index].photo()?).unwrap_or(0.0)));
-        let measured: Vec<f64> = measured.collect::<Result<_, SceneError>>()?;
+        let photo_of = |index: &usize| self.views[*index].photo();
+        let sharpness_of = |index| photo_of(index).map(|photo| sharpness(&photo).unwrap_or(0.0));
+        let measured = parallel::try_map(&candidates, sharpness_of)?;
         let usual = |values: &[f64]| upper_median(values.to_vec()).unwrap_or_default();
         let sharp = best(&measured, LEAST_SHARPNESS, count, usual);
         let sharp: Vec<usize> = sharp.into_iter().map(|at| candidates[at]).collect();

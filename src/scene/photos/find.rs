@@ -4,7 +4,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use image::metadata::Orientation;
-use rayon::prelude::*;
 
 use super::listing::{Listings, key_of_masked};
 use super::look_up::{Found, Place, look_up};
@@ -12,6 +11,7 @@ use super::mask::Mask;
 use super::mask_files::{MaskFiles, named_mask};
 use super::mask_lying::Lying;
 use crate::camera::{Camera, Intrinsics};
+use crate::parallel;
 use crate::scene::cameras::Places;
 use crate::scene::cameras::frame::{Declared, Frame, FrameProblem};
 use crate::scene::error::Held;
@@ -55,15 +55,10 @@ pub(in crate::scene) fn find_photos(
     let masks: Vec<Option<PathBuf>> = masks.collect::<Result<_, _>>()?;
     let mask_folders = mask_files.searched();
     let files: Vec<String> = found.places.iter().map(|place| place.file.clone()).collect();
-    let sized: Vec<Result<(View, Fit), SceneError>> = found
-        .places
-        .par_iter()
-        .zip(masks)
-        .zip(view_names::of(&files))
-        .map(|((place, mask), name)| view(camera_file, &frames[place.frame], place, mask, name))
-        .collect();
-    // Of several errors, that of the first frame is returned, whichever thread is fastest.
-    let sized: Vec<(View, Fit)> = sized.into_iter().collect::<Result<_, _>>()?;
+    let inputs: Vec<_> = found.places.iter().zip(masks).zip(view_names::of(&files)).collect();
+    let sized: Vec<(View, Fit)> = parallel::try_map(&inputs, |((place, mask), name)| {
+        view(camera_file, &frames[place.frame], place, mask.clone(), name.clone())
+    })?;
     let mut warnings = left_out(camera_file, frames, &found, places, &mut listings);
     warnings.extend(about_photos(camera_file, &sized));
     if let Some(warning) = views_without_mask(&mask_folders, &sized, places, &mut listings)? {

@@ -15,7 +15,6 @@ use std::path::Path;
 
 use image::metadata::Orientation;
 use image::{GrayImage, RgbImage};
-use rayon::prelude::*;
 
 use super::mask::{Mask, Stored};
 use super::mask_color::{Color, MaskChoice, MaskColor, in_words, is_grey};
@@ -24,6 +23,7 @@ use super::{ALONE_LIMIT, Upright, VIEW_LIMIT, header};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::evenly;
+use crate::parallel;
 use crate::render::{Colors, FOREGROUND_ALPHA, RenderOptions, render};
 use crate::scene::error::MasksHideAll;
 use crate::scene::object::cluster::looked_at;
@@ -178,8 +178,7 @@ fn sampled(views: &[View], chosen: &[usize]) -> Result<Vec<Sample>, SceneError> 
         let small = reduced(&Stored::read(&mask.path, *upright, VIEW_LIMIT)?, size);
         Ok(Sample { view: *view, lying: mask.lying, small, splat: None })
     };
-    // Of several errors, that of the first view is returned, whichever thread is fastest.
-    chosen.par_iter().map(sample).collect::<Vec<Result<_, _>>>().into_iter().collect()
+    parallel::try_map(chosen, sample)
 }
 
 /// For each sample, where the splat shows the object; `None` if the splat does not tell it from the room.
@@ -375,8 +374,8 @@ fn hidden(
     if samples.iter().any(|sample| shows(&sample.small)) {
         return Ok(None);
     }
-    let is_empty = |view: &usize| Ok(views[*view].coverage()?.is_none_or(|mask| !has_object(&mask)));
-    let all_empty: Vec<bool> = masked.par_iter().map(is_empty).collect::<Result<_, SceneError>>()?;
+    let is_empty = |mask: Option<GrayImage>| mask.is_none_or(|mask| !has_object(&mask));
+    let all_empty = parallel::try_map(masked, |view| views[*view].coverage().map(is_empty))?;
     if all_empty.contains(&false) {
         return Ok(None);
     }

@@ -7,12 +7,12 @@
 //!       28..32  quaternion w x y z, each (byte - 128) / 128
 //! ```
 
-use rayon::prelude::*;
 use thiserror::Error;
 
 use super::loaded::{Loaded, drop_unusable};
 use super::quantized::{log_scale_of_deviation, opacity_logit_of_byte, sh_dc_of_color};
 use crate::gaussians::Gaussians;
+use crate::parallel;
 
 /// Bytes per Gaussian.
 const ROW: usize = 32;
@@ -44,11 +44,11 @@ pub fn parse(bytes: &[u8]) -> Result<Loaded, Problem> {
         return Err(Problem::Empty);
     }
     let mut gaussians = Gaussians {
-        positions: rows.par_iter().map(|row| floats(row, 0)).collect(),
-        log_scales: rows.par_iter().map(|row| floats(row, 12).map(log_scale_of_deviation)).collect(),
-        rotations: rows.par_iter().map(quaternion).collect(),
-        opacity_logits: rows.par_iter().map(|row| opacity_logit_of_byte(row[27])).collect(),
-        sh_dc: rows.par_iter().map(color).collect(),
+        positions: parallel::map(rows, |row| floats(row, 0)),
+        log_scales: parallel::map(rows, |row| floats(row, 12).map(log_scale_of_deviation)),
+        rotations: parallel::map(rows, quaternion),
+        opacity_logits: parallel::map(rows, |row| opacity_logit_of_byte(row[27])),
+        sh_dc: parallel::map(rows, color),
         ..Gaussians::default()
     };
     let dropped = drop_unusable(&mut gaussians).map_err(|_| Problem::NothingFinite { count: rows.len() })?;

@@ -13,12 +13,12 @@
 //! and spherical harmonics, band by band and in each band channel by channel. They are floats at level 0. From level 1
 //! on they are half floats, and centres are steps from their bucket's centre; at level 2, harmonics are bytes.
 
-use rayon::prelude::*;
 use thiserror::Error;
 
 use super::loaded::{Loaded, drop_unusable};
 use super::quantized::{half_float, log_scale_of_deviation, opacity_logit_of_byte, sh_dc_of_color};
 use crate::gaussians::Gaussians;
+use crate::parallel;
 
 const HEADER: usize = 4096;
 const SECTION_HEADER: usize = 1024;
@@ -176,17 +176,17 @@ impl Section<'_> {
             _ => half_float([row[2 * n], row[2 * n + 1]]),
         };
         let colors = 10 * level.number;
-        let rows = || self.rows.par_chunks_exact(self.row).take(self.count);
-        gaussians.positions.par_extend(rows().enumerate().map(|(i, row)| match level.number {
-            4 => [0, 1, 2].map(|n| float(row, 4 * n)),
-            _ => [0, 1, 2].map(|n| (f32::from(half(row, 2 * n)) - self.range) * self.step + self.centers[i][n]),
+        let rows: Vec<&[u8]> = self.rows.chunks_exact(self.row).take(self.count).collect();
+        gaussians.positions.extend(parallel::map_range(rows.len(), |i| match level.number {
+            4 => [0, 1, 2].map(|n| float(rows[i], 4 * n)),
+            _ => [0, 1, 2].map(|n| (f32::from(half(rows[i], 2 * n)) - self.range) * self.step + self.centers[i][n]),
         }));
-        gaussians.log_scales.par_extend(rows().map(|row| [3, 4, 5].map(|n| log_scale_of_deviation(number(row, n)))));
-        gaussians.rotations.par_extend(rows().map(|row| [6, 7, 8, 9].map(|n| number(row, n))));
-        gaussians
-            .sh_dc
-            .par_extend(rows().map(|row| [0, 1, 2].map(|c| sh_dc_of_color(f32::from(row[colors + c]) / 255.0))));
-        gaussians.opacity_logits.par_extend(rows().map(|row| opacity_logit_of_byte(row[colors + 3])));
+        let log_scale = |row: &&[u8]| [3, 4, 5].map(|n| log_scale_of_deviation(number(row, n)));
+        gaussians.log_scales.extend(parallel::map(&rows, log_scale));
+        gaussians.rotations.extend(parallel::map(&rows, |row| [6, 7, 8, 9].map(|n| number(row, n))));
+        let color = |row: &&[u8]| [0, 1, 2].map(|c| sh_dc_of_color(f32::from(row[colors + c]) / 255.0));
+        gaussians.sh_dc.extend(parallel::map(&rows, color));
+        gaussians.opacity_logits.extend(parallel::map(&rows, |row| opacity_logit_of_byte(row[colors + 3])));
         let wanted = gaussians.sh_rest_per_channel();
         let harmonic = |row: &[u8], n: usize| {
             let at = colors + 4 + n * level.harmonic;
@@ -197,7 +197,7 @@ impl Section<'_> {
                 _ => low + f32::from(row[at]) / 255.0 * (high - low),
             }
         };
-        gaussians.sh_rest.par_extend(rows().flat_map_iter(|row| {
+        gaussians.sh_rest.extend(parallel::flat_map(&rows, |row| {
             let mut rest = vec![0.0; 3 * wanted];
             let mut n = 0;
             for degree in 1..=self.sh_degree {

@@ -14,7 +14,6 @@ use std::io::{Cursor, Read};
 use std::path::Path;
 
 use image::{ImageReader, RgbaImage};
-use rayon::prelude::*;
 use serde::Deserialize;
 use thiserror::Error;
 use zip::ZipArchive;
@@ -23,6 +22,7 @@ use super::loaded::{Loaded, drop_unusable};
 use super::quantized::{opacity_logit_of_byte, quaternion_of_smallest_three};
 use crate::files;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 
 /// The file that describes the others.
 pub const META: &str = "meta.json";
@@ -173,20 +173,21 @@ fn read(mut source: Source) -> Result<Loaded, Problem> {
     let (low, high) = (low?, high?);
     let (quats, scales) = (source.picture(&meta.quats.files[0], count)?, source.picture(&meta.scales.files[0], count)?);
     let colors = source.picture(&meta.sh0.files[0], count)?;
-    let position = |(low, high): (&[u8; 4], &[u8; 4])| -> [f32; 3] {
+    let (low, high) = (pixels(&low, count), pixels(&high, count));
+    let position = |i: usize| -> [f32; 3] {
         std::array::from_fn(|axis| {
             let (least, most) = (meta.means.mins[axis], meta.means.maxs[axis]);
-            let share = f64::from(u16::from_le_bytes([low[axis], high[axis]])) / 65535.0;
+            let share = f64::from(u16::from_le_bytes([low[i][axis], high[i][axis]])) / 65535.0;
             let value: f64 = least + (most - least) * share;
             (value.abs().exp_m1() * value.signum()) as f32
         })
     };
     let mut gaussians = Gaussians {
-        positions: pixels(&low, count).par_iter().zip(pixels(&high, count)).map(position).collect(),
+        positions: parallel::map_range(count, position),
         log_scales: coded(pixels(&scales, count), &meta.scales.codebook, "the codebook of scales")?,
-        rotations: pixels(&quats, count).par_iter().map(quaternion).collect(),
+        rotations: parallel::map(pixels(&quats, count), quaternion),
         sh_dc: coded(pixels(&colors, count), &meta.sh0.codebook, "the codebook of colours")?,
-        opacity_logits: pixels(&colors, count).par_iter().map(|pixel| opacity_logit_of_byte(pixel[3])).collect(),
+        opacity_logits: parallel::map(pixels(&colors, count), |pixel| opacity_logit_of_byte(pixel[3])),
         antialiased: meta.antialias,
         ..Gaussians::default()
     };
@@ -221,7 +222,7 @@ fn rest(source: &mut Source, harmonics: &Harmonics, count: usize) -> Result<Vec<
         return Err(Problem::Size { name: palette.clone(), width, height, count: most });
     }
     let all = palette_picture.as_raw().as_chunks::<4>().0;
-    let fill = |(row, pixel): (&mut [f32], &[u8; 4])| -> Result<(), Problem> {
+    let fill = |row: &mut [f32], pixel: &[u8; 4]| -> Result<(), Problem> {
         let entry = usize::from(u16::from_le_bytes([pixel[0], pixel[1]]));
         if entry >= most {
             return Err(Problem::Entry { key: "the palette of harmonics", entry, length: most });
@@ -235,7 +236,9 @@ fn rest(source: &mut Source, harmonics: &Harmonics, count: usize) -> Result<Vec<
         Ok(())
     };
     let mut rest = vec![0.0; count * 3 * coefficients];
-    rest.par_chunks_exact_mut(3 * coefficients).zip(pixels(&entries, count)).try_for_each(fill)?;
+    let entries = pixels(&entries, count);
+    let filled = parallel::map_chunks_mut(&mut rest, 3 * coefficients, |n, row| fill(row, &entries[n]));
+    filled.into_iter().collect::<Result<(), Problem>>()?;
     Ok(rest)
 }
 
@@ -253,7 +256,7 @@ fn coded(pixels: &[[u8; 4]], codebook: &[f32], key: &'static str) -> Result<Vec<
     let values = |pixel: &[u8; 4]| {
         Ok([code(pixel[0], codebook, key)?, code(pixel[1], codebook, key)?, code(pixel[2], codebook, key)?])
     };
-    pixels.par_iter().map(values).collect()
+    parallel::try_map(pixels, values)
 }
 
 /// A quaternion w x y z; the identity if no component is marked as the largest.

@@ -1,10 +1,10 @@
 //! Turns Gaussians and views from one frame into another about the origin.
 
 use nalgebra::{Similarity3, Translation3, UnitQuaternion};
-use rayon::prelude::*;
 
 use super::Up;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::render::sh_rotation;
 use crate::scene::View;
 use crate::scene::cameras::align::moved;
@@ -24,18 +24,15 @@ pub(in crate::scene) fn upright(up: &Up, cloud: &mut Gaussians, of_scene: &mut [
 /// Turns places, orientations and view-dependent colours. Properties of the file that gprop does not know stay as they are.
 pub(in crate::scene) fn gaussians(cloud: &mut Gaussians, turn: &UnitQuaternion<f64>) {
     let rotation = turn.to_rotation_matrix();
-    let turned: Vec<([f32; 3], [f32; 4])> = (0..cloud.len())
-        .into_par_iter()
-        .map(|i| {
-            let own = turn * cloud.rotation(i);
-            let position = (rotation * cloud.center(i)).map(|side| side as f32);
-            (position.into(), [own.w, own.i, own.j, own.k].map(|part| part as f32))
-        })
-        .collect();
+    let turned: Vec<([f32; 3], [f32; 4])> = parallel::map_range(cloud.len(), |i| {
+        let own = turn * cloud.rotation(i);
+        let position = (rotation * cloud.center(i)).map(|side| side as f32);
+        (position.into(), [own.w, own.i, own.j, own.k].map(|part| part as f32))
+    });
     (cloud.positions, cloud.rotations) = turned.into_iter().unzip();
     let (degree, count) = (cloud.sh_degree, 3 * cloud.sh_rest_per_channel());
     if count > 0 {
-        cloud.sh_rest.par_chunks_exact_mut(count).for_each(|rest| sh_rotation::rotate(degree, rest, &rotation));
+        parallel::for_each_chunk_mut(&mut cloud.sh_rest, count, |_, rest| sh_rotation::rotate(degree, rest, &rotation));
     }
 }
 

@@ -17,6 +17,7 @@ use std::path::Path;
 use super::error::SegmentError;
 use super::options::DecoderRuntime;
 use crate::files;
+use crate::parallel;
 pub use crate::sam::LOGITS_SIDE;
 use crate::setup::{self, Doctor, ModelFiles};
 use cache::Cache;
@@ -66,7 +67,7 @@ impl Sam {
             files::read_large(path).map_err(|source| SegmentError::Read { path: path.to_owned(), source })
         };
         let threads = threads.max(1);
-        let (encoder, decoder) = rayon::join(
+        let (encoder, decoder) = parallel::join(
             || Encoder::open(&runtime, &models.encoder, threads),
             || Decoder::open(&runtime, &models.decoder, &read(&models.decoder)?, decoder, threads),
         );

@@ -11,10 +11,10 @@
 //! frame to frame. A Gaussian whose axes differ has the shape that it has in the nearer frame.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use crate::gaussians::Gaussians;
 use crate::numeric;
+use crate::parallel;
 
 /// The cosine of half the angle between axes up to which they are the same axes: about 50 degrees. A flipped or exchanged
 /// axis turns them by 90 degrees or more.
@@ -108,15 +108,15 @@ fn between([from, to]: [&Gaussians; 2], simulated: &[bool], around: [Option<Poin
         let q = turned * own;
         ([q.w, q.i, q.j, q.k].map(|c| c as f32), scales)
     };
-    let (rotations, log_scales) = (0..from.len()).into_par_iter().map(shape).unzip();
+    let (rotations, log_scales) = parallel::map_range(from.len(), shape).into_iter().unzip();
     Gaussians {
-        positions: (0..from.len()).into_par_iter().map(position).collect(),
+        positions: parallel::map_range(from.len(), position),
         log_scales,
         rotations,
         opacity_logits: to.opacity_logits.clone(),
         sh_dc: to.sh_dc.clone(),
         sh_degree: to.sh_degree,
-        sh_rest: from.sh_rest.par_iter().zip(&to.sh_rest).map(|(a, b)| mix(*a, *b)).collect(),
+        sh_rest: parallel::map_range(from.sh_rest.len(), |n| mix(from.sh_rest[n], to.sh_rest[n])),
         antialiased: to.antialiased,
         extra: Vec::new(),
         set_aside: to.set_aside.clone(),

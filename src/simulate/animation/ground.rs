@@ -1,10 +1,10 @@
 //! The ground: a chequered plane that fades into the distance, with the object's shadow.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::simulate::SimulationReport;
 
 const BACKGROUND: [f32; 3] = [0.96, 0.96, 0.97];
@@ -41,8 +41,9 @@ impl Ground {
         let i = camera.intrinsics;
         let world_from_camera = camera.camera_from_world.inverse();
         let eye = world_from_camera * Point3::origin();
-        let seen = |pixel: u32| {
-            let (x, y) = (f64::from(pixel % i.width) + 0.5, f64::from(pixel / i.width) + 0.5);
+        let width = i.width as usize;
+        let seen = |pixel: usize| {
+            let (x, y) = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
             let ray = world_from_camera * Vector3::new((x - i.cx) / i.fx, (y - i.cy) / i.fy, 1.0);
             let distance = (z - eye.z) / ray.z;
             // The sky, and ground behind the camera.
@@ -54,18 +55,18 @@ impl Ground {
             let at = eye + ray * distance;
             (color(at, footprint, scale, center), [at.x, at.y])
         };
-        let (lit, places) = (0..i.height * i.width).into_par_iter().map(seen).unzip();
+        let (lit, places) = parallel::map_range(i.height as usize * width, seen).into_iter().unzip();
         Self { z, scale, bounds, lit, places }
     }
 
     /// The ground with the shadow of these Gaussians, row by row.
     pub fn under(&self, gaussians: &Gaussians) -> Vec<[f32; 3]> {
         let shadow = Shadow::of(gaussians, self.z, self.scale, self.bounds);
-        let shaded = |(lit, place): (&[f32; 3], &[f64; 2])| {
-            let light = 1.0 - SHADOW * shadow.at(place[0], place[1]);
-            lit.map(|channel| channel * light)
+        let shaded = |i: usize| {
+            let light = 1.0 - SHADOW * shadow.at(self.places[i][0], self.places[i][1]);
+            self.lit[i].map(|channel| channel * light)
         };
-        self.lit.par_iter().zip(&self.places).map(shaded).collect()
+        parallel::map_range(self.lit.len(), shaded)
     }
 }
 

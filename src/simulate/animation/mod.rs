@@ -9,7 +9,6 @@ mod camera;
 mod ground;
 
 use image::{RgbImage, imageops};
-use rayon::prelude::*;
 use serde::Serialize;
 
 use super::SimulationReport;
@@ -19,6 +18,7 @@ use crate::film::gif::Gif;
 use crate::film::mp4::Mp4;
 use crate::film::{self, FilmError, GIF_SAMPLES, Size};
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::render::{self, RenderOptions};
 use crate::words::progress::Progress;
 use between::Motion;
@@ -297,10 +297,9 @@ fn small(picture: &RgbImage) -> RgbImage {
 /// Composites the object over the ground.
 fn over(render: &render::Render, ground: &[[f32; 3]]) -> RgbImage {
     let mut picture = RgbImage::new(render.width, render.height);
-    let pixels = picture.par_chunks_exact_mut(3).zip(&render.rgb).zip(&render.alpha).zip(ground);
-    pixels.for_each(|(((pixel, rgb), alpha), ground)| {
+    parallel::for_each_mut(picture.as_chunks_mut::<3>().0, |i, pixel| {
         for c in 0..3 {
-            let light = rgb[c] + (1.0 - alpha) * ground[c];
+            let light = render.rgb[i][c] + (1.0 - render.alpha[i]) * ground[i][c];
             pixel[c] = (light.clamp(0.0, 1.0) * 255.0).round() as u8;
         }
     });

@@ -1,7 +1,6 @@
 //! Runs a configuration on a scene, frame by frame.
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::config::Config;
@@ -10,6 +9,7 @@ use super::particle::Particle;
 use super::setup::{Setup, set_up};
 use super::solver::{Lost, Solver};
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::simulate::SimulateError;
 use crate::simulate::frames::Moved;
 use crate::words::progress::Progress;
@@ -124,16 +124,12 @@ fn summary(particles: &[Particle], t_s: f64) -> CompatFrame {
 /// does not change the shape); colours are rotated with it in the world's frame (the peer does this in the box's).
 fn moved(setup: &Setup, particles: &[Particle]) -> Gaussians {
     let turn = setup.to_box.rotation.matrix();
-    let moved: Vec<Moved> = setup
-        .carried
-        .par_iter()
-        .zip(particles)
-        .map(|(&i, particle)| {
-            let in_world = setup.to_box.undo(&particle.position.map(f64::from));
-            let deformation: Matrix3<f64> = turn.transpose() * particle.trial.map(f64::from) * turn;
-            Moved::new(&setup.scene, i as usize, in_world, &deformation)
-        })
-        .collect();
+    let moved = parallel::map_range(setup.carried.len(), |n| {
+        let (i, particle) = (setup.carried[n] as usize, &particles[n]);
+        let in_world = setup.to_box.undo(&particle.position.map(f64::from));
+        let deformation: Matrix3<f64> = turn.transpose() * particle.trial.map(f64::from) * turn;
+        Moved::new(&setup.scene, i, in_world, &deformation)
+    });
     let mut out = setup.scene.clone();
     for (&i, moved) in setup.carried.iter().zip(moved) {
         moved.store(&mut out, i as usize);

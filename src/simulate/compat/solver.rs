@@ -11,12 +11,12 @@
 //! on any number of threads.
 
 use nalgebra::{Matrix3, Vector3};
-use rayon::prelude::*;
 
 use super::condition::Conditions;
 use super::config::Config;
 use super::law::Law;
 use super::particle::Particle;
+use crate::parallel;
 
 type Vec3 = Vector3<f32>;
 type Mat3 = Matrix3<f32>;
@@ -139,7 +139,7 @@ impl Solver {
             condition.apply(&mut self.particles, t, step);
         }
         let laws = &self.laws;
-        self.particles.par_iter_mut().with_min_len(64).for_each(|p| {
+        parallel::for_each_mut(&mut self.particles, |_, p| {
             (p.elastic, p.stress) = laws[p.law as usize].respond(&p.trial, &mut p.strength, step);
         });
         self.scatter(step);
@@ -198,7 +198,7 @@ impl Solver {
         let fall = self.gravity * dt;
         let kept = self.damping.min(1.0);
         let conditions = &self.conditions.on_grid;
-        self.nodes[first * plane..last * plane].par_chunks_mut(plane).enumerate().for_each(|(i, nodes)| {
+        parallel::for_each_chunk_mut(&mut self.nodes[first * plane..last * plane], plane, |i, nodes| {
             for (jk, node) in nodes.iter_mut().enumerate() {
                 if node.mass == 0.0 {
                     continue;
@@ -217,7 +217,7 @@ impl Solver {
 
     fn gather(&mut self, dt: f32) {
         let (cells, per_dx, nodes) = (self.cells, self.per_dx, &self.nodes);
-        self.particles.par_iter_mut().with_min_len(64).for_each(|p| {
+        parallel::for_each_mut(&mut self.particles, |_, p| {
             let (mut velocity, mut affine, mut gradient_of_v) = (Vec3::zeros(), Mat3::zeros(), Mat3::zeros());
             Stencil::at(&p.position, per_dx).each(cells, per_dx, |node, weight, gradient, away| {
                 let v = nodes[node].velocity;

@@ -1,9 +1,9 @@
 //! The places where a rigid part can touch the ground: its points that are outermost in some direction.
 
 use nalgebra::Vector3;
-use rayon::prelude::*;
 
 use crate::numeric::sphere_directions;
+use crate::parallel;
 
 /// Directions in which a part's outermost points are looked up, spread evenly: two neighbours are at most 0.08 rad
 /// apart, so that the lowest point is missed by at most 0.04^2 / 2 of the distance between points, below the share of
@@ -29,7 +29,7 @@ impl Face {
     /// The outermost of `points_m`, given in the simulation's frame.
     pub fn new(part: u32, points_m: &[Vector3<f64>], plane_modulus_pa: f64, least_area_m2: f64) -> Self {
         let directions: Vec<Vector3<f64>> = sphere_directions(DIRECTIONS).collect();
-        let mut outermost: Vec<usize> = directions.par_iter().filter_map(|along| farthest(points_m, along)).collect();
+        let mut outermost: Vec<usize> = parallel::flat_map(&directions, |along| farthest(points_m, along));
         outermost.sort_unstable();
         outermost.dedup();
         let points_m = outermost.into_iter().map(|i| points_m[i]).collect();

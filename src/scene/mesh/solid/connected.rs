@@ -3,10 +3,9 @@
 //! A *patch* is a set of triangles connected across edges of exactly two triangles; a *component* consists of the patches
 //! that share edges.
 
-use rayon::prelude::*;
-
 use super::weld::Welded;
 use crate::numeric::forest::Forest;
+use crate::parallel;
 
 /// That two patches of a component are joined says nothing of their directions.
 const ALIKE: bool = false;
@@ -26,15 +25,16 @@ pub struct Edges(Vec<Side>);
 
 impl Edges {
     pub fn of(triangles: &[[u32; 3]]) -> Self {
-        let of_triangle = |(n, &[a, b, c]): (usize, &[u32; 3])| {
+        let of_triangle = |n: usize| {
+            let [a, b, c] = triangles[n];
             [[a, b], [b, c], [c, a]].map(|[from, to]| Side {
                 ends: [from.min(to), from.max(to)],
                 triangle: n as u32,
                 is_back: from > to,
             })
         };
-        let mut sides: Vec<Side> = triangles.par_iter().enumerate().flat_map_iter(of_triangle).collect();
-        sides.par_sort_unstable();
+        let mut sides = parallel::flat_map_range(triangles.len(), of_triangle);
+        parallel::sort_unstable_by(&mut sides, Ord::cmp);
         Self(sides)
     }
 
@@ -82,7 +82,7 @@ impl Connected {
         let (patch_of, count) = alike.numbered();
         let mut patches = vec![Patch::default(); count];
         let mut reversed_area = vec![0.0; count];
-        let differs: Vec<bool> = (0..patch_of.len()).into_par_iter().map(|n| alike.root(n).1).collect();
+        let differs: Vec<bool> = parallel::map_range(patch_of.len(), |n| alike.root(n).1);
         for (n, patch) in patch_of.iter().map(|patch| *patch as usize).enumerate() {
             let area = area_of(&welded.corners(n));
             patches[patch].area += area;

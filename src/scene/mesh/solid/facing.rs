@@ -3,11 +3,11 @@
 //! Casting").
 
 use nalgebra::Point3;
-use rayon::prelude::*;
 
 use super::sample::{Place, places};
 use super::tree::Tree;
 use crate::numeric::sphere_directions;
+use crate::parallel;
 
 /// Rays from each place.
 const DIRECTIONS: usize = 24;
@@ -28,14 +28,14 @@ pub fn is_backward(
 ) -> Vec<bool> {
     let asked = (0..triangles_of.len()).filter(|patch| is_asked(*patch)).count().max(1);
     let count = (PLACES / asked).clamp(1, PLACES_PER_PATCH);
-    let decide = |(patch, triangles): (usize, &Vec<u32>)| {
+    let decide = |patch: usize| {
         is_asked(patch) && {
-            let places = places(corners, triangles, count);
+            let places = places(corners, &triangles_of[patch], count);
             let seen: i64 = places.iter().map(|place| front_less_back(tree, place)).sum();
             (seen as f64) < -CLEARLY * (places.len() * DIRECTIONS / 2) as f64
         }
     };
-    triangles_of.par_iter().enumerate().map(decide).collect()
+    parallel::map_range(triangles_of.len(), decide)
 }
 
 /// The number of rays that reach the surroundings from the front of a place, less those from its back.

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 use std::sync::OnceLock;
 
 use nalgebra::{Point3, Unit, Vector3};
-use rayon::prelude::*;
 
 use super::frame::Frame;
 use super::material::{self, Material, PROBABLY, Turning};
 use super::oriented::Oriented;
 use super::sample::{Place, places};
 use super::{Kind, Shell, Solid, SolidError, Topology, check};
+use crate::parallel;
 use crate::scene::mesh::Triangles;
 use crate::units::Estimate;
 
@@ -133,7 +133,7 @@ impl Measured {
     /// `count` places on the surface, each for the same area.
     pub fn places(&self, count: usize) -> Vec<SurfacePlace> {
         let is_material = self.is_material_in_frame();
-        let place = |place: Place| {
+        let place = |place: &Place| {
             let beside = |side: f64| place.point + place.normal.into_inner() * (side * BESIDE);
             let sides = [-1.0, 1.0].map(|side| is_material(beside(side)));
             let outward = if sides == [false, true] { -place.normal } else { place.normal };
@@ -146,7 +146,7 @@ impl Measured {
                 thickness: thickness.map(|length| self.frame.length(length + BESIDE)),
             }
         };
-        self.spread(count).into_par_iter().map(place).collect()
+        parallel::map(&self.spread(count), place)
     }
 
     fn spread(&self, count: usize) -> Vec<Place> {

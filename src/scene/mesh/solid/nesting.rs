@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::crossings::RAYS;
 use super::sample::{Place, places};
 use super::tree::Tree;
+use crate::parallel;
 
 /// Places on all components together, and on one.
 const PLACES: usize = 16_384;
@@ -34,8 +34,8 @@ impl Nesting {
     ) -> Self {
         let asked = triangles_of.iter().filter(|triangles| !triangles.is_empty()).count().max(1);
         let count = (PLACES / asked).clamp(1, PLACES_PER_COMPONENT);
-        let of_component = |(own, triangles): (usize, &&[u32])| {
-            let seen = places(corners, triangles, count).into_iter().map(|p| in_front(tree, &p, &component_of));
+        let of_component = |own: usize| {
+            let seen = places(corners, triangles_of[own], count).into_iter().map(|p| in_front(tree, &p, &component_of));
             let seen: Vec<Vec<(u32, i32)>> = seen.flatten().collect();
             let crosses = seen.windows(2).any(|pair| pair[0] != pair[1])
                 || seen.iter().flatten().any(|(other, turns)| *other == own as u32 || *turns != 1);
@@ -46,7 +46,7 @@ impl Nesting {
             let most = MOST * seen.len() as f64;
             (times.into_iter().filter(|(_, n)| *n as f64 >= most).map(|(other, _)| other).collect(), crosses)
         };
-        let (around, crosses) = triangles_of.par_iter().enumerate().map(of_component).unzip();
+        let (around, crosses) = parallel::map_range(triangles_of.len(), of_component).into_iter().unzip();
         Self { around, crosses }
     }
 

@@ -1,7 +1,6 @@
 //! A surface whose closed components face outward, and whose open patches face their surroundings.
 
 use nalgebra::Point3;
-use rayon::prelude::*;
 
 use super::connected::{Connected, area_of};
 use super::facing;
@@ -10,6 +9,7 @@ use super::moments::Moments;
 use super::tree::Tree;
 use super::weld::Welded;
 use super::{NO_AREA, Topology};
+use crate::parallel;
 use crate::scene::mesh::Triangles;
 
 /// The direction of a component is unreliable if more than this share of its area had to be reversed.
@@ -49,7 +49,7 @@ impl Oriented {
         if welded.close_gaps(&connected.edges.boundary()) {
             connected = Connected::of(&mut welded);
         }
-        let mut corners: Vec<_> = (0..welded.triangles.len()).into_par_iter().map(|n| welded.corners(n)).collect();
+        let mut corners: Vec<_> = parallel::map_range(welded.triangles.len(), |n| welded.corners(n));
         if corners.iter().all(|corners| area_of(corners) <= NO_AREA) {
             return None;
         }
@@ -88,10 +88,11 @@ fn components(connected: &Connected, corners: &[[Point3<f64>; 3]], is_reversed: 
         let cone = Moments::of_cone(&corners[*n as usize]);
         if is_reversed[connected.patch_of[*n as usize] as usize] { cone * -1.0 } else { cone }
     };
-    let inside = |(triangles, closed): (&Vec<u32>, &bool)| {
-        if *closed { triangles.iter().map(cone).fold(Moments::ZERO, |sum, cone| sum + cone) } else { Moments::ZERO }
+    let inside = |n: usize| {
+        let cones = triangles_of[n].iter().map(cone);
+        if closed[n] { cones.fold(Moments::ZERO, |sum, cone| sum + cone) } else { Moments::ZERO }
     };
-    let moments: Vec<Moments> = triangles_of.par_iter().zip(&closed).map(inside).collect();
+    let moments = parallel::map_range(triangles_of.len(), inside);
     let (mut area, mut mended) = (vec![0.0; connected.components], vec![0.0; connected.components]);
     for (patch, reversed) in patches.iter().zip(is_reversed.iter_mut()) {
         let component = patch.component as usize;

@@ -2,8 +2,8 @@
 //!
 //! No number is random: the cells are the same in every run, and their axes are turned against the mesh's.
 
+use crate::parallel;
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::moments::Moments;
 use super::tree::extent;
@@ -56,14 +56,14 @@ pub fn integrate(
     while depth < MOST_DEPTH && (depth < LEAST_DEPTH || cells.len() * EIGHTHS * 4 <= SAMPLES) {
         (side, depth) = (0.5 * side, depth + 1);
         let halve = |cell: &Cell| halved(cell, side, corners, &sample, levels, depth < LEAST_DEPTH);
-        let parts: Vec<(Vec<Cell>, [Moments; INTEGRALS])> = cells.par_iter().map(halve).collect();
+        let parts: Vec<(Vec<Cell>, [Moments; INTEGRALS])> = parallel::map(&cells, halve);
         cells = Vec::with_capacity(parts.len());
         for (mixed, whole) in parts {
             cells.extend(mixed);
             total.add(whole);
         }
     }
-    let ends: Vec<_> = cells.par_iter().map(|cell| eighths(cell, side, &sample)).collect();
+    let ends: Vec<_> = parallel::map(&cells, |cell| eighths(cell, side, &sample));
     for (moments, variances) in ends {
         total.add(moments);
         (0..INTEGRALS).for_each(|k| total.errors[k] += variances[k]);

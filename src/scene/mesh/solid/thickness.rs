@@ -1,10 +1,10 @@
 //! The thickness of the material behind a surface: from each place straight in, to where the ray leaves the material.
 
 use nalgebra::Point3;
-use rayon::prelude::*;
 
 use super::sample::places;
 use super::tree::Tree;
+use crate::parallel;
 use crate::units::Estimate;
 
 /// Places at which the thickness is measured.
@@ -30,7 +30,7 @@ pub fn thickness(
         });
         nearest
     };
-    let mut depths: Vec<f64> = places.par_iter().filter_map(depth).collect();
+    let mut depths: Vec<f64> = parallel::flat_map(&places, depth);
     depths.sort_by(f64::total_cmp);
     let quantile = |share: f64| depths[((depths.len() - 1) as f64 * share).round() as usize];
     (2 * depths.len() > places.len()).then(|| Estimate::new(quantile(TAIL), quantile(0.5), quantile(1.0 - TAIL)))

@@ -1,7 +1,7 @@
 //! A tree of boxes around triangles, for rays.
 
+use crate::parallel;
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 /// Maximum number of triangles of a leaf.
 const LEAF: usize = 6;
@@ -50,15 +50,15 @@ impl Tree {
         let (low, high) = extent(corners.iter().flatten());
         let cells = (1u64 << BITS) as f64;
         let per_cell = (high - low).map(|side| if side > 0.0 { cells / side } else { 0.0 });
-        let place = |(n, t): (usize, &[Point3<f64>; 3])| {
-            let position = (middle(t) - low).component_mul(&per_cell);
+        let place = |n: usize| {
+            let position = (middle(&corners[n]) - low).component_mul(&per_cell);
             let [x, y, z] = [position.x, position.y, position.z].map(|c| spread((c as u64).min((1 << BITS) - 1)));
             (x | y << 1 | z << 2, n as u32)
         };
-        let mut places: Vec<(u64, u32)> = corners.par_iter().enumerate().map(place).collect();
-        places.par_sort_unstable();
+        let mut places: Vec<(u64, u32)> = parallel::map_range(corners.len(), place);
+        parallel::sort_unstable_by(&mut places, Ord::cmp);
         let number: Vec<u32> = places.into_iter().map(|(_, n)| n).collect();
-        let corners: Vec<_> = number.par_iter().map(|n| corners[*n as usize]).collect();
+        let corners: Vec<_> = parallel::map(&number, |n| corners[*n as usize]);
         let blank = Node { low, high, first: 0, count: 0, second: 0 };
         let mut nodes = vec![blank; node_count(corners.len())];
         build(&mut nodes, 0, 0, &corners);
@@ -144,7 +144,7 @@ fn build(nodes: &mut [Node], at: usize, first: usize, corners: &[[Point3<f64>; 3
     let mut build_left = || build(left, at + 1, first, left_corners);
     let mut build_right = || build(right, second, first + half, right_corners);
     if count > PARALLEL {
-        rayon::join(build_left, build_right);
+        parallel::join(build_left, build_right);
     } else {
         build_left();
         build_right();

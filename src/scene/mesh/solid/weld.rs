@@ -3,10 +3,10 @@
 //! The result depends on the surface alone, not on the order of its vertices and triangles: both are sorted.
 
 use nalgebra::Point3;
-use rayon::prelude::*;
 
 use super::frame::Frame;
 use crate::numeric::forest::Forest;
+use crate::parallel;
 use crate::scene::mesh::Triangles;
 
 /// Two vertices on boundaries that are this close are one, as a share of the mesh's size: the precision of the 32-bit numbers
@@ -30,12 +30,12 @@ impl Welded {
     /// Joins vertices at equal positions. The surface has been checked.
     pub fn of(surface: &Triangles, frame: &Frame) -> Self {
         // Adding 0 makes -0 and 0 the same bits.
-        let exact: Vec<[f64; 3]> = surface.vertices.par_iter().map(|position| position.map(|x| x + 0.0)).collect();
+        let exact: Vec<[f64; 3]> = parallel::map(&surface.vertices, |position| position.map(|x| x + 0.0));
         let mut is_used = vec![false; exact.len()];
         surface.triangles.iter().flatten().for_each(|v| is_used[*v as usize] = true);
         let mut order: Vec<u32> = (0..exact.len() as u32).filter(|v| is_used[*v as usize]).collect();
         let by_position = |a: &u32, b: &u32| compare(&exact[*a as usize], &exact[*b as usize]);
-        order.par_sort_unstable_by(|a, b| by_position(a, b).then(a.cmp(b)));
+        parallel::sort_unstable_by(&mut order, |a, b| by_position(a, b).then(a.cmp(b)));
         let mut point_of = vec![0; exact.len()];
         let mut points: Vec<Point3<f64>> = Vec::new();
         for (n, &vertex) in order.iter().enumerate() {
@@ -81,14 +81,14 @@ impl Welded {
     /// Keeps the triangles with three different corners, each set of corners once, sorted.
     fn set_triangles(&mut self, triangles: Vec<[u32; 3]>) {
         let count = triangles.len();
-        let mut kept: Vec<[u32; 3]> =
-            triangles.into_par_iter().filter(|[a, b, c]| a != b && b != c && c != a).collect();
+        let mut kept = triangles;
+        kept.retain(|[a, b, c]| a != b && b != c && c != a);
         self.degenerate += count - kept.len();
-        kept.par_iter_mut().for_each(|t| {
+        for t in &mut kept {
             let least = (0..3).min_by_key(|k| t[*k]).unwrap_or(0);
             t.rotate_left(least);
-        });
-        kept.par_sort_unstable_by_key(|t| (corners(t), *t));
+        }
+        parallel::sort_unstable_by(&mut kept, |s, t| (corners(s), s).cmp(&(corners(t), t)));
         let distinct = kept.len();
         kept = without_membranes(kept);
         kept.dedup_by_key(|t| corners(t));
@@ -110,7 +110,7 @@ fn without_membranes(triangles: Vec<[u32; 3]>) -> Vec<[u32; 3]> {
         let [a, b, c] = corners(&copies[0]);
         sides.extend([[a, b], [b, c], [a, c]].map(|edge| (edge, group)));
     }
-    sides.par_sort_unstable();
+    parallel::sort_unstable_by(&mut sides, Ord::cmp);
     let edges = || sides.chunk_by(|a, b| a.0 == b.0);
     let paired = |edge: &[([u32; 2], usize)]| -> Vec<usize> {
         edge.iter().map(|(_, group)| *group).filter(|group| groups[*group].len() == 2).collect()

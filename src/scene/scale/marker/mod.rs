@@ -21,8 +21,7 @@ mod triangulate;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use rayon::prelude::*;
-
+use crate::parallel;
 use crate::scene::{MOST_ERROR, SceneError, View};
 use crate::units::{MetricScale, Range, ScaleSource};
 use detect::{Detection, detect};
@@ -131,11 +130,11 @@ fn sightings<'a>(
     views: &'a [View],
     refused: &dyn Fn(MarkerProblem) -> SceneError,
 ) -> Result<Vec<Sighting<'a>>, SceneError> {
-    let look = |view: &View| {
+    let look = |view: &View| -> Result<Vec<Detection>, SceneError> {
         let plane = Plane::of(&view.photo()?.rgb);
         Ok(detect(&plane, &Lens(view.camera.intrinsics), marker.family))
     };
-    let seen: Vec<Vec<Detection>> = views.par_iter().map(look).collect::<Result<_, SceneError>>()?;
+    let seen = parallel::try_map(views, look)?;
     let mut sightings = Vec::new();
     let mut others: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
     for (view, detections) in seen.into_iter().enumerate() {

@@ -1,13 +1,13 @@
 //! Binary rows: chunks of them are read and decoded on all threads, each directly into its slice of the arrays.
 
 use std::io;
-
-use rayon::prelude::*;
+use std::sync::{Mutex, PoisonError};
 
 use super::header::Header;
 use super::layout::{self, Array, Column, Layout, Scalar};
 use super::source::Bytes;
 use super::{Problem, Rows};
+use crate::parallel;
 
 /// Bytes read at once: a chunk stays in a core's second-level cache while its columns are extracted one by one.
 const CHUNK_BYTES: usize = 256 << 10;
@@ -32,18 +32,22 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header, layout: &Layout, order: 
 
     let mut gaussians = layout.allocate(layout.count as usize);
     let rows_per_chunk = (CHUNK_BYTES / layout.stride).max(LEAST_ROWS);
-    let surely_usable = chunks(layout::arrays(&mut gaussians), rows_per_chunk)
-        .into_par_iter()
-        .enumerate()
-        .map_init(Vec::new, |buffer: &mut Vec<u8>, (index, mut chunk)| -> io::Result<bool> {
-            let row = index * rows_per_chunk;
-            let rows = rows_per_chunk.min(layout.count as usize - row);
-            buffer.resize(rows * layout.stride, 0);
-            bytes.read_at(first_row_at + (row * layout.stride) as u64, buffer)?;
-            decode(buffer, layout, order, &mut chunk);
-            Ok(layout::surely_usable(&chunk))
-        })
-        .try_reduce(|| true, |a, b| Ok(a & b))?;
+    let buffers: Mutex<Vec<Vec<u8>>> = Mutex::default();
+    let free = || buffers.lock().unwrap_or_else(PoisonError::into_inner);
+    let read_chunk = |index: usize, chunk: &mut Vec<Array<'_>>| -> io::Result<bool> {
+        let row = index * rows_per_chunk;
+        let rows = rows_per_chunk.min(layout.count as usize - row);
+        let mut buffer = free().pop().unwrap_or_default();
+        buffer.resize(rows * layout.stride, 0);
+        bytes.read_at(first_row_at + (row * layout.stride) as u64, &mut buffer)?;
+        decode(&buffer, layout, order, chunk);
+        free().push(buffer);
+        Ok(layout::surely_usable(chunk))
+    };
+    let mut surely_usable = true;
+    for is_usable in parallel::map_mut(&mut chunks(layout::arrays(&mut gaussians), rows_per_chunk), read_chunk) {
+        surely_usable &= is_usable?;
+    }
 
     let warning = (left_over > 0 && !layout.followed)
         .then(|| format!("{left_over} bytes after the last Gaussian are not declared in the header; they are ignored"));

@@ -10,13 +10,13 @@
 //! ```
 
 use ply_rs_bw::ply::{ElementDef, Encoding};
-use rayon::prelude::*;
 
 use super::header::Header;
 use super::layout::{Scalar, scalar_properties, sh_degree_of};
 use super::source::Bytes;
 use super::{Problem, Rows};
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::scene::splat::quantized::{opacity_logit_of_byte, quaternion_of_smallest_three, sh_dc_of_color};
 
 /// Gaussians that share a chunk's bounds.
@@ -45,16 +45,19 @@ pub(super) fn read(bytes: &impl Bytes, header: &Header) -> Result<Rows, Problem>
     let bounds = Bounds::of(chunk)?;
     let words = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
     let [position, rotation, scale, color] = columns(vertex, words, Scalar::U32)?;
-    let rows = |table: &Table| (0..table.count as usize).into_par_iter();
-    let colors: Vec<[f32; 4]> = rows(vertex).map(|row| bytes_of(vertex.word(row, color))).collect();
+    let count = vertex.count as usize;
+    let colors: Vec<[f32; 4]> = parallel::map_range(count, |row| bytes_of(vertex.word(row, color)));
     let mut gaussians = Gaussians {
-        positions: rows(vertex)
-            .map(|row| bounds.of_position(row, unpack_11_10_11(vertex.word(row, position))))
-            .collect(),
-        log_scales: rows(vertex).map(|row| bounds.of_scale(row, unpack_11_10_11(vertex.word(row, scale)))).collect(),
-        rotations: rows(vertex).map(|row| quaternion(vertex.word(row, rotation))).collect(),
-        opacity_logits: colors.par_iter().map(|color| opacity_logit_of_byte(color[3] as u8)).collect(),
-        sh_dc: colors.par_iter().enumerate().map(|(row, [r, g, b, _])| bounds.of_color(row, [*r, *g, *b])).collect(),
+        positions: parallel::map_range(count, |row| {
+            bounds.of_position(row, unpack_11_10_11(vertex.word(row, position)))
+        }),
+        log_scales: parallel::map_range(count, |row| bounds.of_scale(row, unpack_11_10_11(vertex.word(row, scale)))),
+        rotations: parallel::map_range(count, |row| quaternion(vertex.word(row, rotation))),
+        opacity_logits: parallel::map(&colors, |color| opacity_logit_of_byte(color[3] as u8)),
+        sh_dc: parallel::map_range(count, |row| {
+            let [r, g, b, _] = colors[row];
+            bounds.of_color(row, [r, g, b])
+        }),
         ..Gaussians::default()
     };
     if let Some(sh) = sh.filter(|sh| sh.width > 0) {
@@ -208,5 +211,5 @@ fn harmonics(sh: &Table, count: u64) -> Result<(u8, Vec<f32>), Problem> {
         255 => 4.0,
         byte => ((f32::from(*byte) + 0.5) / 256.0 - 0.5) * 8.0,
     };
-    Ok((degree, sh.bytes[..count as usize * sh.width].par_iter().map(value).collect()))
+    Ok((degree, parallel::map(&sh.bytes[..count as usize * sh.width], value)))
 }

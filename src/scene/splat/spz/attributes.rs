@@ -1,8 +1,7 @@
 //! Decodes the bytes of each attribute, following the format's public description.
 
-use rayon::prelude::*;
-
 use super::Header;
+use crate::parallel;
 use crate::scene::splat::quantized::{half_float, opacity_logit_of_byte, quaternion_of_smallest_three};
 
 /// Colours are stored as 0.5 + this * f_dc, which leaves room for colours beyond 0 and 1.
@@ -26,7 +25,7 @@ fn turned([x, y, z]: [f32; 3]) -> [f32; 3] {
 pub(super) fn positions(header: &Header, bytes: &[u8]) -> Vec<[f32; 3]> {
     if header.version == 1 {
         let (rows, _) = bytes.as_chunks::<6>();
-        return rows.par_iter().map(|r| turned([0, 2, 4].map(|at| half_float([r[at], r[at + 1]])))).collect();
+        return parallel::map(rows, |r| turned([0, 2, 4].map(|at| half_float([r[at], r[at + 1]]))));
     }
     let unit = (-f32::from(header.fractional_bits)).exp2();
     let coordinate = |row: &[u8; 9], at: usize| {
@@ -35,13 +34,13 @@ pub(super) fn positions(header: &Header, bytes: &[u8]) -> Vec<[f32; 3]> {
         fixed as f32 * unit
     };
     let (rows, _) = bytes.as_chunks::<9>();
-    rows.par_iter().map(|row| turned([0, 3, 6].map(|at| coordinate(row, at)))).collect()
+    parallel::map(rows, |row| turned([0, 3, 6].map(|at| coordinate(row, at))))
 }
 
 /// Log scales in steps of one sixteenth, starting at -10.
 pub(super) fn log_scales(bytes: &[u8]) -> Vec<[f32; 3]> {
     let (rows, _) = bytes.as_chunks::<3>();
-    rows.par_iter().map(|row| row.map(|byte| f32::from(byte) / 16.0 - 10.0)).collect()
+    parallel::map(rows, |row| row.map(|byte| f32::from(byte) / 16.0 - 10.0))
 }
 
 /// Quaternions as w x y z.
@@ -49,10 +48,10 @@ pub(super) fn rotations(header: &Header, bytes: &[u8]) -> Vec<[f32; 4]> {
     let quaternions: Vec<[f32; 4]> = if header.version < 3 {
         let (rows, _) = bytes.as_chunks::<3>();
         let signed = |byte: u8| f32::from(byte) / 127.5 - 1.0;
-        rows.par_iter().map(|row| quaternion_of_smallest_three(0, row.map(signed))).collect()
+        parallel::map(rows, |row| quaternion_of_smallest_three(0, row.map(signed)))
     } else {
         let (rows, _) = bytes.as_chunks::<4>();
-        rows.par_iter().map(|row| smallest_three(u32::from_le_bytes(*row))).collect()
+        parallel::map(rows, |row| smallest_three(u32::from_le_bytes(*row)))
     };
     quaternions.into_iter().map(|[w, x, y, z]| [w, x, -y, -z]).collect()
 }
@@ -75,7 +74,7 @@ pub(super) fn opacity_logits(bytes: &[u8]) -> Vec<f32> {
 
 pub(super) fn sh_dc(bytes: &[u8]) -> Vec<[f32; 3]> {
     let (rows, _) = bytes.as_chunks::<3>();
-    rows.par_iter().map(|row| row.map(|byte| (f32::from(byte) / 255.0 - 0.5) / COLOR_SCALE)).collect()
+    parallel::map(rows, |row| row.map(|byte| (f32::from(byte) / 255.0 - 0.5) / COLOR_SCALE))
 }
 
 /// The coefficients in the order of a PLY: the file stores the three colours of a coefficient side by side, a PLY all
@@ -87,9 +86,9 @@ pub(super) fn sh_rest(header: &Header, bytes: &[u8]) -> Vec<f32> {
         return Vec::new();
     }
     let mut values = vec![0.0; bytes.len()];
-    let rows = bytes.par_chunks_exact(3 * per_channel).zip(values.par_chunks_exact_mut(3 * per_channel));
-    rows.for_each(|(from, to)| {
-        for (index, byte) in from.iter().enumerate() {
+    let width = 3 * per_channel;
+    parallel::for_each_chunk_mut(&mut values, width, |row, to| {
+        for (index, byte) in bytes[row * width..][..to.len()].iter().enumerate() {
             let (coefficient, channel) = (index / 3, index % 3);
             to[channel * per_channel + coefficient] = SH_SIGNS[coefficient] * (f32::from(*byte) - 128.0) / 128.0;
         }
