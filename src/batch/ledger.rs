@@ -13,6 +13,7 @@ use std::path::{Path, PathBuf};
 use rustix::fs::OFlags;
 
 use crate::files;
+use crate::files::json;
 use crate::files::write::{self, Folder, TEMPORARY};
 use crate::workdir;
 use crate::workdir::lock::{self, Holder};
@@ -74,7 +75,7 @@ impl Ledger {
 
     /// Adds the outcome of a scene to the file.
     pub fn put(&mut self, outcome: Outcome) -> Result<(), BatchError> {
-        let line = serde_json::to_string(&outcome).expect("an outcome is plain data") + "\n";
+        let line = json::compact(&outcome).expect("an outcome is plain data") + "\n";
         self.outcomes.insert(outcome.scene.clone(), outcome);
         if !self.is_own {
             return self.save();
@@ -100,7 +101,7 @@ impl Ledger {
                 (self.path.parent().unwrap_or(Path::new("")), self.path.file_name().unwrap_or_default());
             let mut draft = Folder::open(folder)?.draft(Path::new(name), &temporary_prefix(&self.path))?;
             self.outcomes.values().try_for_each(|outcome| {
-                serde_json::to_writer(&mut draft, outcome)?;
+                draft.write_all(json::compact(outcome)?.as_bytes())?;
                 draft.write_all(b"\n")
             })?;
             draft.publish()
@@ -189,7 +190,7 @@ fn read(path: &Path) -> Result<(BTreeMap<String, Outcome>, bool), BatchError> {
     let mut is_compact = true;
     for (line, text) in (1..).zip(bytes.split_inclusive(|byte| *byte == b'\n')) {
         let is_complete = text.ends_with(b"\n");
-        let outcome: Outcome = match serde_json::from_slice(text) {
+        let outcome: Outcome = match json::read(text) {
             Ok(outcome) => outcome,
             Err(_) if !is_complete => {
                 is_compact = false;

@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use crate::error::Result;
+use crate::files::json;
 use crate::files::write;
 use crate::pipeline::stages::query::session_of;
 use crate::pipeline::stages::subjects::FoundSubjects;
@@ -246,7 +247,7 @@ impl<'a> BatchQuestions<'a> {
 
     fn save(&self, submitted: &Submitted) -> Result<()> {
         let path = self.path();
-        let written = write::file(&path, |out| Ok(serde_json::to_writer(out, submitted)?));
+        let written = write::file(&path, |out| out.write_all(json::compact(submitted)?.as_bytes()));
         Ok(written.map_err(|source| BatchError::Io { path, source })?)
     }
 }

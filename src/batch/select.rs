@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use glob::Pattern;
 
 use crate::files;
+use crate::files::json;
 use crate::pipeline::work_folder;
 use crate::scene::SplatFormat;
 use crate::scene::dataset::Entry;
@@ -185,7 +186,7 @@ fn splat_bytes(path: &Path, bytes: u64) -> u64 {
 /// splat.
 fn gaussians_of_meta(path: &Path) -> Option<u64> {
     path.extension().filter(|ending| ending.eq_ignore_ascii_case("json"))?;
-    let meta: serde_json::Value = serde_json::from_slice(&files::read(path).ok()?).ok()?;
+    let meta: serde_json::Value = json::read(&files::read(path).ok()?).ok()?;
     meta.get("means")?;
     // No splat has more, and the need of memory must not overflow.
     u32::try_from(meta.get("count")?.as_u64()?).ok().map(u64::from)

@@ -9,6 +9,7 @@ use std::os::unix::fs::FileExt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::files::json;
 use crate::words::output::counted;
 use crate::words::progress::Event;
 
@@ -68,7 +69,7 @@ pub fn tell_the_batch(event: &Event) {
         }
         _ => return,
     };
-    println!("{}", serde_json::to_string(&line).expect("a line is plain data"));
+    println!("{}", json::compact(&line).expect("a line is plain data"));
 }
 
 /// How far a scene's process is.
@@ -96,7 +97,7 @@ impl Status {
         let whole = news.iter().rposition(|byte| *byte == b'\n').map_or(0, |end| end + 1);
         self.read += whole as u64;
         for line in news[..whole].split(|byte| *byte == b'\n') {
-            match serde_json::from_slice(line) {
+            match json::read(line) {
                 Ok(Line::Stage(name)) => self.stage = Some(name),
                 Ok(Line::Asked(asked)) => self.asked = asked,
                 // Not for the batch.

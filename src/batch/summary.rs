@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
+use crate::files::json;
 use crate::files::write;
 use crate::report::ESTIMATED;
 use crate::words::output::{counted, one_line};
@@ -145,7 +146,7 @@ impl Summary {
 
 fn write_json(path: PathBuf, value: &impl Serialize) -> Result<(), BatchError> {
     let written = write::file(&path, |out| {
-        serde_json::to_writer_pretty(&mut *out, value)?;
+        out.write_all(json::pretty(value)?.as_bytes())?;
         out.write_all(b"\n")
     });
     written.map_err(|source| BatchError::Io { path, source })

@@ -31,6 +31,7 @@ use clap::{Args, CommandFactory, FromArgMatches, ValueEnum};
 use serde::Serialize;
 
 use crate::error::{Error, Result, UsageError};
+use crate::files::json;
 use crate::links::is_container;
 use crate::pipeline::{self, OBJECT, Preset, Stage, THREADS, flags_of_scene, known_flags};
 use crate::scene::ObjectChoice;
@@ -339,7 +340,7 @@ fn options_of(scene: &Path, flags: &[OsString]) -> Result<pipeline::Options> {
 
 /// Prints a result: as JSON if requested, else as text. A closed stdout is not an error.
 fn print(global: &Global, value: &impl Serialize, text: impl FnOnce() -> String) -> Result<()> {
-    print_text(&if global.json { serde_json::to_string_pretty(value)? } else { text() })
+    print_text(&if global.json { json::pretty(value)? } else { text() })
 }
 
 /// Prints a text. A closed stdout is not an error.
@@ -360,7 +361,7 @@ fn print_path(global: &Global, path: &Path) -> Result<()> {
 /// Prints the names of objects and their work folders, for the Python module.
 fn print_works<'a>(works: impl Iterator<Item = (&'a str, PathBuf)>) -> Result<()> {
     let works: Vec<_> = works.map(|(name, work)| (name, config::in_json(&work).into_owned())).collect();
-    print_text(&serde_json::to_string(&works)?)
+    print_text(&json::compact(&works)?)
 }
 
 /// A path on one line.

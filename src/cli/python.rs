@@ -11,6 +11,7 @@ use clap::builder::PossibleValue;
 use clap::{Arg, ArgAction, Args};
 
 use super::{Global, command};
+use crate::files::json;
 use crate::pipeline::{self, THREADS};
 use crate::workdir::FORMAT_VERSION;
 
@@ -54,7 +55,7 @@ impl Class<'_> {
         for option in options {
             let long = option.get_long().expect("only options have fields");
             let end = if RESERVED.contains(&long) { "_" } else { "" };
-            let (field, doc) = (long.replace('-', "_"), serde_json::to_string(&doc_of(option)).unwrap());
+            let (field, doc) = (long.replace('-', "_"), json::compact(&doc_of(option)).unwrap());
             text += &format!("    {field}{end}: Annotated[{}, {doc}{}]\n", type_of(option), mark_of(option));
         }
         text

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
 use super::simulation::{SimulationError, raise};
+use crate::files::json;
 use crate::files::npz::Npz;
 use crate::simulate::compat::config::Filling;
 use crate::simulate::compat::filling::{Blob, fill, volumes};
@@ -69,7 +70,7 @@ const VOLUME_GRID: (usize, f32) = (48, 2.0);
 /// # Errors
 /// If the reference cannot be read.
 pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
-    let meta: Meta = serde_json::from_str(&npz.text("meta")?)?;
+    let meta: Meta = json::read(npz.text("meta")?.as_bytes())?;
     let filling = Filling {
         density_threshold: meta.density_thres,
         search_threshold: meta.search_thres,

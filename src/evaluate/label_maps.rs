@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::EvaluateError;
 use crate::files;
+use crate::files::json;
 use crate::segment::LabelMap;
 
 const NAMES_JSON: &str = "labels.json";
@@ -77,7 +78,7 @@ fn names(folder: &Path) -> Result<BTreeMap<u16, String>, EvaluateError> {
         remedy: ": it names the values of the maps, as {\"1\": \"wood\"}; EISeg's autosave_label.txt works too",
     })?;
     let expected = "an object of names by pixel value, such as {\"1\": \"wood\"}";
-    serde_json::from_str(&text).map_err(|source| EvaluateError::Json { path: json, expected, source })
+    json::read(text.as_bytes()).map_err(|source| EvaluateError::Json { path: json, expected, source })
 }
 
 fn eiseg_names(path: &Path, text: &str) -> Result<BTreeMap<u16, String>, EvaluateError> {

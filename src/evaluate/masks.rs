@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 use image::RgbImage;
 use serde::{Deserialize, Serialize};
 
+use crate::files::json;
 use crate::segment::automatic::{Candidates, Request};
 use crate::segment::mask::Mask;
 use crate::segment::sam::Sam;
@@ -84,7 +85,7 @@ pub struct Comparison {
 impl Reference {
     /// Reads a reference file.
     pub fn from_json(json: &str) -> Result<Self, MasksError> {
-        Ok(serde_json::from_str(json)?)
+        Ok(json::read(json.as_bytes())?)
     }
 
     /// The settings with which it was made. Those that no reference holds have the public generator's defaults.

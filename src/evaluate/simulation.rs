@@ -9,6 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::files::json;
 use crate::files::npz::{Npz, NpzError};
 use crate::simulate::SimulateError;
 use crate::simulate::compat::config::Config;
@@ -101,7 +102,7 @@ struct Meta {
 /// # Errors
 /// [`SimulationError`] if the reference cannot be read or a particle is lost.
 pub fn compare(npz: &mut Npz, progress: Progress) -> Result<Comparison, SimulationError> {
-    let meta: Meta = serde_json::from_str(&npz.text("meta")?)?;
+    let meta: Meta = json::read(npz.text("meta")?.as_bytes())?;
     let config = config(&meta)?;
     let particles = particles(npz, &config)?;
     let reference = Reference::read(npz, particles.len(), meta.n_frames.saturating_add(1))?;

@@ -5,6 +5,7 @@ use serde::Serialize;
 
 use super::placement::{Axes, Placement};
 use super::{ExportError, Files, body_name};
+use crate::files::json;
 use crate::parts::samples::Sample;
 
 #[derive(Serialize)]
@@ -39,7 +40,7 @@ pub(super) fn write(
         samples: samples.iter().map(raised).collect(),
     };
     files.write(format!("{}_belief.json", body_name(name)), |out| {
-        serde_json::to_writer_pretty(&mut *out, &belief)?;
+        out.write_all(json::pretty(&belief)?.as_bytes())?;
         out.write_all(b"\n")
     })
 }

@@ -40,7 +40,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use crate::camera::Camera;
-use crate::files::write::Folder;
+use crate::files::write::{Fill, Folder};
 use crate::gaussians::Gaussians;
 use crate::gaussians::bounds::robust_bounds;
 use crate::grasp::candidates::Candidate;
@@ -631,11 +631,15 @@ impl Files<'_> {
         name: impl AsRef<Path>,
         fill: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
     ) -> Result<(), ExportError> {
-        let path = self.folder.join(&name);
+        self.fill(name.as_ref(), Box::new(fill))
+    }
+
+    fn fill(&mut self, name: &Path, fill: Fill<'_>) -> Result<(), ExportError> {
+        let path = self.folder.join(name);
         if path.canonicalize().is_ok_and(|path| self.inputs.contains(&path)) {
             return Err(ExportError::Input { path });
         }
-        let written = Folder::open(self.folder).and_then(|folder| folder.write(name.as_ref(), fill));
+        let written = Folder::open(self.folder).and_then(|folder| folder.fill(name, fill));
         written.map_err(|source| ExportError::Write { path: path.clone(), source })?;
         if !self.written.contains(&path) {
             self.written.push(path);

@@ -8,6 +8,7 @@ use zip::write::SimpleFileOptions;
 use zip::{DateTime, ZipWriter};
 
 use super::{ExportError, Files, Model, identifier};
+use crate::files::json;
 use crate::files::npy::{Number, write_npy};
 use crate::units::{Estimate, ScaleSource};
 use crate::vote::{FieldLabel, field_ply};
@@ -16,7 +17,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     let archive = |out: &mut dyn Write| out.write_all(&archive(model)?);
     let name = identifier(model.name);
     files.write(format!("{name}.npz"), archive)?;
-    files.write(format!("{name}_labels.json"), |out| Ok(serde_json::to_writer_pretty(out, &model.field.labels)?))
+    files.write(format!("{name}_labels.json"), |out| out.write_all(json::pretty(&model.field.labels)?.as_bytes()))
 }
 
 fn archive(model: &Model) -> io::Result<Vec<u8>> {

@@ -9,6 +9,7 @@ use serde_json::{Value, json};
 
 use super::placement::Placement;
 use super::{ExportError, Files, Model, identifier};
+use crate::files::json;
 use crate::scene::splat::ply;
 use crate::simulate::compat::estimated::Estimated;
 use crate::simulate::material::{SOFT_PA, Soften};
@@ -23,7 +24,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
     let config = config(model);
     let folder = format!("{}/physgaussian", identifier(model.name));
     files.write(format!("{folder}/config.json"), |out| {
-        serde_json::to_writer_pretty(&mut *out, &config)?;
+        out.write_all(json::pretty(&config)?.as_bytes())?;
         out.write_all(b"\n")
     })?;
     let all = field_ply::columns(model.field);

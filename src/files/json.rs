@@ -1,9 +1,15 @@
-//! JSON that other programs or people wrote: read strictly, with an error that names the usual ways in which a file only
-//! looks like JSON.
+//! JSON, read and written. What other programs or people wrote is read with an error that names the usual ways in which a
+//! file only looks like JSON.
+//!
+//! All of it is written by one type of serializer, into memory, and read by one type of deserializer, because serde's code for
+//! a type is compiled anew for each of them.
 
-use std::str;
+use std::{io, str};
 
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
+use serde_json::Serializer;
+use serde_json::ser::{CompactFormatter, Formatter, PrettyFormatter};
 use thiserror::Error;
 
 use super::BYTE_ORDER_MARK;
@@ -27,13 +33,68 @@ pub enum Problem {
     Other(#[from] serde_json::Error),
 }
 
+/// A value as JSON on one line.
+///
+/// # Errors
+/// If its serialization fails, or a map has keys that are no strings.
+pub fn compact(value: &(impl Serialize + ?Sized)) -> serde_json::Result<String> {
+    write(value, Layout::Compact(CompactFormatter))
+}
+
+/// A value as indented JSON, without a newline at its end.
+///
+/// # Errors
+/// As for [`compact`].
+pub fn pretty(value: &(impl Serialize + ?Sized)) -> serde_json::Result<String> {
+    write(value, Layout::Pretty(PrettyFormatter::new()))
+}
+
+fn write(value: &(impl Serialize + ?Sized), layout: Layout) -> serde_json::Result<String> {
+    let mut bytes = Vec::with_capacity(128);
+    value.serialize(&mut Serializer::with_formatter(&mut bytes, layout))?;
+    Ok(String::from_utf8(bytes).expect("JSON is UTF-8"))
+}
+
+/// Both formatters of `serde_json` as one type.
+enum Layout {
+    Compact(CompactFormatter),
+    Pretty(PrettyFormatter<'static>),
+}
+
+macro_rules! by_layout {
+    ($($method:ident($($argument:ident: $type:ty)?)),*) => {$(
+        fn $method<W: io::Write + ?Sized>(&mut self, out: &mut W $(, $argument: $type)?) -> io::Result<()> {
+            match self {
+                Self::Compact(formatter) => formatter.$method(out $(, $argument)?),
+                Self::Pretty(formatter) => formatter.$method(out $(, $argument)?),
+            }
+        }
+    )*};
+}
+
+/// The methods in which they differ.
+impl Formatter for Layout {
+    by_layout!(
+        begin_array(), end_array(), begin_array_value(is_first: bool), end_array_value(), begin_object(), end_object(),
+        begin_object_key(is_first: bool), begin_object_value(), end_object_value()
+    );
+}
+
+/// Reads JSON that gprop or a server wrote.
+///
+/// # Errors
+/// If it is not JSON, or not that of a `T`.
+pub fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> serde_json::Result<T> {
+    serde_json::from_slice(bytes)
+}
+
 /// Reads JSON, with or without the byte order mark with which some editors begin it.
 ///
 /// # Errors
 /// [`Problem`] if it is not JSON, or not that of a `T`.
 pub fn parse<T: DeserializeOwned>(bytes: &[u8]) -> Result<T, Problem> {
     let text = bytes.strip_prefix(BYTE_ORDER_MARK.as_bytes()).unwrap_or(bytes);
-    serde_json::from_slice(text).map_err(|error| {
+    read(text).map_err(|error| {
         if is_utf16(bytes) {
             return Problem::Utf16;
         }
@@ -129,6 +190,13 @@ mod tests {
 
     fn message(text: &str) -> String {
         parse::<Value>(text.as_bytes()).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn it_is_written_as_serde_json_writes_it() {
+        let value = serde_json::json!({"a": [1, 2.5, []], "b": {}, "c": {"d": [{"e": "\u{e9}\n"}, null]}});
+        assert_eq!(compact(&value).unwrap(), serde_json::to_string(&value).unwrap());
+        assert_eq!(pretty(&value).unwrap(), serde_json::to_string_pretty(&value).unwrap());
     }
 
     #[test]

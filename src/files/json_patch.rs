@@ -6,7 +6,7 @@ use std::ops::Range;
 use serde::de::IgnoredAny;
 use serde_json::{Map, Value};
 
-use super::BYTE_ORDER_MARK;
+use super::{BYTE_ORDER_MARK, json};
 
 /// What becomes of a value.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,7 +83,7 @@ impl Patch {
     /// of it change.
     pub fn applied(self, text: &str) -> Option<String> {
         let start = if text.starts_with(BYTE_ORDER_MARK) { BYTE_ORDER_MARK.len() } else { 0 };
-        serde_json::from_str::<IgnoredAny>(&text[start..]).ok()?;
+        json::read::<IgnoredAny>(&text.as_bytes()[start..]).ok()?;
         let mut writer = Writer { text, out: String::with_capacity(text.len()), copied: 0 };
         writer.value(start_of_value(text, start)?, self)?;
         writer.copy_to(text.len());
@@ -135,7 +135,7 @@ impl Writer<'_> {
         let children = children(self.text, start, '{')?;
         let mut kept = 0;
         for (n, child) in children.iter().enumerate() {
-            let key: String = serde_json::from_str(&self.text[child.key.clone()?]).ok()?;
+            let key: String = json::read(self.text[child.key.clone()?].as_bytes()).ok()?;
             let change = changes.iter().position(|(name, _)| *name == key).map(|at| changes.remove(at).1);
             match change {
                 // With the comma before it, or behind it if no other stays before it.

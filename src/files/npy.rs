@@ -182,24 +182,32 @@ fn trimmed<T: PartialEq + From<u8>>(string: &[T]) -> &[T] {
 /// # Errors
 /// If writing fails, or there are not as many `values` as the `shape` has elements.
 pub fn write_npy<T: Number>(out: &mut dyn Write, shape: &[u64], values: impl IntoIterator<Item = T>) -> io::Result<()> {
-    let sides: String = shape.iter().map(|side| format!("{side}, ")).collect();
-    let mut header = format!("{{'descr': '<{}', 'fortran_order': False, 'shape': ({sides}), }}", T::KIND);
-    let before = MAGIC.len() + 4;
-    let length = (before + header.len() + 1).next_multiple_of(ALIGNMENT) - before;
-    header.extend(std::iter::repeat_n(' ', length - 1 - header.len()));
-    header.push('\n');
     // A compressing writer clears its buffer at every call.
     let mut out = BufWriter::with_capacity(BUFFER_BYTES, out);
-    out.write_all(MAGIC)?;
-    out.write_all(&[1, 0])?;
-    let length = u16::try_from(length).map_err(|_| io::Error::other("the shape has too many dimensions"))?;
-    out.write_all(&length.to_le_bytes())?;
-    out.write_all(header.as_bytes())?;
+    write_header(&mut out, T::KIND, shape)?;
     let mut count = 0_u64;
     for value in values {
         value.write(&mut out)?;
         count += 1;
     }
+    finish(out, count, shape)
+}
+
+fn write_header(out: &mut dyn Write, kind: &str, shape: &[u64]) -> io::Result<()> {
+    let sides: String = shape.iter().map(|side| format!("{side}, ")).collect();
+    let mut header = format!("{{'descr': '<{kind}', 'fortran_order': False, 'shape': ({sides}), }}");
+    let before = MAGIC.len() + 4;
+    let length = (before + header.len() + 1).next_multiple_of(ALIGNMENT) - before;
+    header.extend(std::iter::repeat_n(' ', length - 1 - header.len()));
+    header.push('\n');
+    out.write_all(MAGIC)?;
+    out.write_all(&[1, 0])?;
+    let length = u16::try_from(length).map_err(|_| io::Error::other("the shape has too many dimensions"))?;
+    out.write_all(&length.to_le_bytes())?;
+    out.write_all(header.as_bytes())
+}
+
+fn finish(mut out: impl Write, count: u64, shape: &[u64]) -> io::Result<()> {
     if count != shape.iter().product::<u64>() {
         return Err(io::Error::other(format!("{count} values were given for an array of shape {shape:?}")));
     }

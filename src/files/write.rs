@@ -22,6 +22,9 @@ pub const TEMPORARY: &str = ".tmp-";
 const FOLDER_MODE: Mode = Mode::from_bits_retain(0o777);
 const FILE_MODE: Mode = Mode::from_bits_retain(0o666);
 
+/// What writes the content of a file.
+pub type Fill<'a> = Box<dyn FnOnce(&mut dyn Write) -> io::Result<()> + 'a>;
+
 /// A folder to write into.
 #[derive(Debug)]
 pub struct Folder {
@@ -58,6 +61,11 @@ impl Folder {
     /// # Errors
     /// Also as for [`Self::below`].
     pub fn write(&self, relative: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
+        self.fill(relative, Box::new(fill))
+    }
+
+    /// As [`Self::write`], for all closures at once.
+    pub fn fill(&self, relative: &Path, fill: Fill<'_>) -> io::Result<()> {
         let mut draft = self.draft(relative, TEMPORARY)?;
         fill(&mut draft)?;
         draft.publish()
@@ -168,7 +176,7 @@ impl Drop for Draft {
 /// Writes the file that the user named, in a folder that is created if it does not exist.
 pub fn file(path: &Path, fill: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> io::Result<()> {
     let name = path.file_name().ok_or_else(|| io::Error::from(ErrorKind::IsADirectory))?;
-    Folder::open(path.parent().unwrap_or(Path::new("")))?.write(Path::new(name), fill)
+    Folder::open(path.parent().unwrap_or(Path::new("")))?.fill(Path::new(name), Box::new(fill))
 }
 
 /// Opens a file to change it in place, unless it is a link: a lock, or a list to which lines are added. `more` are flags beside

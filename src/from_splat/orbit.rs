@@ -10,6 +10,7 @@ use nalgebra::{Isometry3, Point3, Vector3};
 
 use super::mesh;
 use crate::camera::{Camera, Distortion, Intrinsics};
+use crate::files::json;
 use crate::files::write::Folder;
 use crate::numeric::{sphere_directions, upper_median};
 use crate::render::{NEAR, Render, RenderOptions, render};
@@ -74,7 +75,7 @@ pub fn render_views(scene: &mut Scene, count: usize, folder: &Path, write_to: Op
     }
     if found != written {
         let write_to = write_to.ok_or_else(|| io::Error::from(io::ErrorKind::ReadOnlyFilesystem))?;
-        write_to.write(Path::new(CHECKSUMS), |out| Ok(serde_json::to_writer(out, &found)?))?;
+        write_to.write(Path::new(CHECKSUMS), |out| out.write_all(json::compact(&found)?.as_bytes()))?;
     }
     let (views, verb) = (counted(count, "view"), agreeing(count, "was", "were"));
     match scene.mesh {

@@ -6,10 +6,10 @@
 //! does not feel single Gaussians.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use super::cells::Cells;
 use super::surface::{Surface, SurfacePoint};
+use crate::parallel;
 
 /// Seeds, spread evenly over the points.
 const SEEDS: usize = 2000;
@@ -70,11 +70,10 @@ pub fn places(surface: &Surface, place: Where, friction: &[f64], contact_radius_
         seeds.truncate(SEEDS);
     }
     let count = seeds.len().min(SEEDS);
-    let pairs = (0..count).into_par_iter().flat_map_iter(|k| {
+    parallel::flat_map_range(count, |k| {
         let seed = seeds[k * seeds.len() / count];
         opposite(seed, &smooth, friction[seed.part as usize], contact_radius_m)
-    });
-    pairs.collect()
+    })
 }
 
 /// The points with the mean normal of those of the same part within a contact's radius that face the same way, moved
@@ -95,7 +94,7 @@ fn smoothed(points: &[SurfacePoint], radius_m: f64) -> Vec<SurfacePoint> {
         let height = heights.get(heights.len() / 2).copied().unwrap_or(0.0);
         SurfacePoint { position: p.position + normal * height, normal, part: p.part }
     };
-    points.par_iter().map(smooth).collect()
+    parallel::map(points, smooth)
 }
 
 /// The nearest and the farthest place opposite a seed.

@@ -6,10 +6,10 @@
 //! deviation.
 
 use nalgebra::{Point3, Vector3};
-use rayon::prelude::*;
 
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
+use crate::parallel;
 use crate::render::depth_test::DepthTest;
 use crate::render::{Projected, Render, RenderOptions};
 
@@ -54,7 +54,7 @@ impl Surface {
             Some(SurfacePoint { position, normal, part: labels[i] })
         };
         Self {
-            points: opaque.par_iter().filter_map(point).collect(),
+            points: parallel::flat_map(&opaque, point),
             obstacles: opaque.iter().map(|&i| gaussians.center(i) * meters_per_unit).collect(),
         }
     }

@@ -20,6 +20,7 @@ use thiserror::Error;
 
 use crate::batch::{self, Batch, News, Summary, Task};
 use crate::error::Result;
+use crate::files::json;
 use crate::files::read_scope::ReadScope;
 use crate::files::write::Folder;
 use crate::pipeline::work_folder;
@@ -157,8 +158,8 @@ impl Prepared {
         let links = Links::gather(&self.container, &self.object_of, &self.folder());
         let failed = |source| LinksError::Write { path: self.root.join(FILE), source };
         let folder = Folder::open(&self.root).map_err(failed)?;
-        let text = serde_json::to_vec_pretty(&links).expect("links are plain data");
-        folder.write(Path::new(FILE), |out| out.write_all(&text)).map_err(failed)?;
+        let text = json::pretty(&links).expect("links are plain data");
+        folder.write(Path::new(FILE), |out| out.write_all(text.as_bytes())).map_err(failed)?;
         Ok(links)
     }
 

@@ -5,6 +5,7 @@ use std::path::Path;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
+use crate::files::json;
 use crate::scene::SceneError;
 use crate::words::readable::hexadecimal;
 use crate::workdir::{FORMAT_VERSION, sha256_of_file};
@@ -33,8 +34,8 @@ impl Hasher {
 
     /// Adds a value as its JSON.
     pub fn with_json(self, value: &impl Serialize) -> Self {
-        let json = serde_json::to_vec(value).expect("options and results are plain data");
-        self.with(&json)
+        let json = json::compact(value).expect("options and results are plain data");
+        self.with(json.as_bytes())
     }
 
     /// The hash in lower-case hexadecimal.

@@ -14,6 +14,7 @@ use super::record::{FieldFlags, Left, RunRecord};
 use super::stages::{Done, Job, OpenScene, Output, Stage, StageRecord};
 use super::stored::with_portable_paths;
 use crate::error::{Context, Result};
+use crate::files::json;
 use crate::words::progress::StageNumber;
 
 /// The stages of a scene: those that are planned, and those that are done.
@@ -169,7 +170,7 @@ impl Run {
 
     /// A hasher that has taken in the digests of the stages that `stage` reads from.
     fn hash_of_inputs(&self, stage: Stage) -> Hasher {
-        let name = serde_json::to_string(&stage).expect("a stage is a word");
+        let name = json::compact(&stage).expect("a stage is a word");
         self.inputs_of(stage).fold(Hasher::new(&name), |hasher, (_, digest)| hasher.with(digest.as_bytes()))
     }
 

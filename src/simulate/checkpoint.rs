@@ -13,6 +13,7 @@ use sha2::{Digest, Sha256};
 use super::error::SimulateError;
 use super::object::Particles;
 use super::states;
+use crate::files::json;
 use crate::mpm::particles::Particle;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
@@ -58,12 +59,12 @@ impl Snapshot<'_> {
     /// # Errors
     /// If writing fails.
     pub fn write(&self, out: &mut dyn Write) -> io::Result<()> {
-        let record = serde_json::to_vec(self.record)?;
+        let record = json::compact(self.record)?;
         out.write_all(MAGIC)?;
         out.write_all(&VERSION.to_le_bytes())?;
         out.write_all(self.identity)?;
         out.write_all(&(record.len() as u64).to_le_bytes())?;
-        out.write_all(&record)?;
+        out.write_all(record.as_bytes())?;
         let bodies = self.particles.body_numbers();
         out.write_all(&(bodies.len() as u64).to_le_bytes())?;
         bodies.iter().try_for_each(|number| out.write_all(&number.to_le_bytes()))?;
@@ -132,7 +133,7 @@ impl Checkpoint {
         }
         let identity = array(take(&mut rest, 32)?);
         let length = u64::from_le_bytes(array(take(&mut rest, 8)?));
-        let record = serde_json::from_slice(take(&mut rest, usize::try_from(length).unwrap_or(usize::MAX))?)
+        let record = json::read(take(&mut rest, usize::try_from(length).unwrap_or(usize::MAX))?)
             .map_err(|error| SimulateError::Checkpoint(format!("its record is damaged ({error})")))?;
         let numbers = u64::from_le_bytes(array(take(&mut rest, 8)?));
         let bytes = usize::try_from(numbers).ok().and_then(|n| n.checked_mul(8)).unwrap_or(usize::MAX);

@@ -13,6 +13,7 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 use rustix::fs::OFlags;
 use serde::{Deserialize, Serialize};
 
+use crate::files::json;
 use crate::files::{self, write};
 
 /// How long a killed process may hold its lock while the system frees its memory: gigabytes take tenths of a second. If
@@ -78,7 +79,7 @@ fn sign(mut file: &File) -> io::Result<()> {
     let host = sysinfo::System::host_name().unwrap_or_default();
     let signature = Signature { process: std::process::id(), host, since };
     file.set_len(0)?;
-    file.write_all(&serde_json::to_vec(&signature)?)
+    file.write_all(json::compact(&signature)?.as_bytes())
 }
 
 /// The process that holds a lock.
@@ -100,7 +101,7 @@ impl Holder {
         }
         let mut words = Vec::new();
         let read = (&file).take(MAX_SIGNATURE_BYTES).read_to_end(&mut words);
-        Self(Kind::Works(read.ok().and_then(|_| serde_json::from_slice(&words).ok())))
+        Self(Kind::Works(read.ok().and_then(|_| json::read(&words).ok())))
     }
 }
 

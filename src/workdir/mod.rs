@@ -21,7 +21,8 @@ use thiserror::Error;
 use tracing::warn;
 
 use crate::files;
-use crate::files::write::{Folder, TEMPORARY};
+use crate::files::json;
+use crate::files::write::{Fill, Folder, TEMPORARY};
 pub use checksum::{Checksum, Checksumming, sha256_of_file};
 
 /// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again. The Python module
@@ -359,6 +360,10 @@ impl WorkDir {
         artifact: Artifact,
         fill: impl FnOnce(&mut dyn Write) -> io::Result<()>,
     ) -> Result<(), WorkDirError> {
+        self.fill(artifact, Box::new(fill))
+    }
+
+    fn fill(&self, artifact: Artifact, fill: Fill<'_>) -> Result<(), WorkDirError> {
         let (folder, path) = self.writable(artifact)?;
         let mut written = None;
         let filled = folder.write(&artifact.path(), |out| {
@@ -380,10 +385,9 @@ impl WorkDir {
 
     /// Writes an artifact as indented JSON that ends with a newline.
     pub fn write_json(&self, artifact: Artifact, value: &impl Serialize) -> Result<(), WorkDirError> {
-        self.write_with(artifact, |out| {
-            serde_json::to_writer_pretty(&mut *out, value)?;
-            out.write_all(b"\n")
-        })
+        let text = json::pretty(value)
+            .map_err(|problem| WorkDirError::Write { path: self.path(artifact), source: problem.into() })?;
+        self.write(artifact, (text + "\n").as_bytes())
     }
 
     /// The bytes of an artifact.
@@ -486,6 +490,5 @@ fn sweep_all(root: &Path) -> io::Result<()> {
 /// Reads a JSON file of a work folder.
 pub fn read_json<T: DeserializeOwned>(path: &Path) -> Result<T, WorkDirError> {
     let bytes = files::read(path).map_err(|source| WorkDirError::Read { path: path.to_owned(), source })?;
-    serde_json::from_slice(&bytes)
-        .map_err(|error| WorkDirError::Damaged { path: path.to_owned(), problem: error.to_string() })
+    json::read(&bytes).map_err(|error| WorkDirError::Damaged { path: path.to_owned(), problem: error.to_string() })
 }

@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use crate::batch::{Asked, News, Outcome, Snapshot, State};
+use crate::files::json;
 use crate::words::output::counted;
 use crate::words::progress::{Progress, StatusLine};
 
@@ -74,7 +75,7 @@ impl Display {
         self.count.done += usize::from(outcome.state == State::Done);
         self.count.failed += usize::from(outcome.state == State::Failed);
         if self.is_json {
-            let line = serde_json::to_string(outcome).expect("an outcome is plain data");
+            let line = json::compact(outcome).expect("an outcome is plain data");
             // A closed stdout must not stop the batch: everything is in its file too.
             let _ = print_text(&line);
         } else if outcome.state != State::Skipped {

@@ -6,6 +6,7 @@ use crate::error::{Result, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::objects::{FoundObject, ObjectsEvaluation, Overlaps, Truth, compare};
 use crate::files;
+use crate::files::json;
 use crate::parallel;
 use crate::render::{RenderOptions, render_labels};
 use crate::scene::{ObjectNumber, Options, StandingObjects, View};
@@ -60,5 +61,5 @@ fn truth(folder: &Path, options: &Options) -> Result<Truth> {
     let text = files::read(&path).map_err(|error| UsageError(format!("{path:?}: {error}")))?;
     let expected =
         "the true objects: `objects` with id, name and box_axis_aligned_colmap, `up_colmap`, `metres_per_colmap_unit`";
-    Ok(serde_json::from_slice(&text).map_err(|source| EvaluateError::Json { path, expected, source })?)
+    Ok(json::read(&text).map_err(|source| EvaluateError::Json { path, expected, source })?)
 }

@@ -12,6 +12,7 @@ use crate::camera::Camera;
 use crate::evaluate::EvaluateError;
 use crate::evaluate::label_maps::LabelMaps;
 use crate::files;
+use crate::files::json;
 use crate::grasp::candidates::Candidate;
 use crate::materials::MaterialLibrary;
 use crate::render::{RenderOptions, render};
@@ -67,7 +68,7 @@ pub fn of(place: &Candidate, scene: &Scene, truth: &Path, library: &MaterialLibr
         remedy: ": grasps are judged by true parts",
     })?;
     let known: SceneTruth =
-        serde_json::from_str(&text).map_err(|source| EvaluateError::Json { path, expected: "true parts", source })?;
+        json::read(text.as_bytes()).map_err(|source| EvaluateError::Json { path, expected: "true parts", source })?;
     let folder = truth.join("part_maps");
     let maps = LabelMaps::open(&folder)?;
     let id = part_at(place, scene, &maps)?

@@ -19,6 +19,7 @@ pub use causes::{Causes, ComparedPart};
 use super::EvaluateError;
 use super::scores::{Pair, Scores};
 use crate::files;
+use crate::files::json;
 use crate::numeric::median;
 use crate::parts::Parts;
 use crate::units::{Estimate, Range};
@@ -274,7 +275,7 @@ fn read_json<T: DeserializeOwned>(
 ) -> Result<T, EvaluateError> {
     let text = files::read_to_string(path);
     let text = text.map_err(|source| EvaluateError::Read { path: path.to_owned(), source, remedy })?;
-    serde_json::from_str(&text).map_err(|source| EvaluateError::Json { path: path.to_owned(), expected, source })
+    json::read(text.as_bytes()).map_err(|source| EvaluateError::Json { path: path.to_owned(), expected, source })
 }
 
 #[cfg(test)]

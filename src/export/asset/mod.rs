@@ -18,6 +18,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{ExportError, Files, OwnMesh, Rigid, Shared, mjcf, urdf};
 use crate::files;
+use crate::files::json;
 use crate::scene::mesh::MeshFormat;
 use crate::scene::{self, SceneMesh};
 use facts::{Facts, FileFrame};
@@ -68,8 +69,8 @@ pub(super) fn write(asset: &Asset, shared: &Shared, files: &mut Files) -> Result
     let rigid = Rigid { colliders, own_mesh, ..rigid };
     urdf::write(&rigid, files)?;
     mjcf::write(&rigid, files)?;
-    let text = serde_json::to_vec_pretty(&facts).expect("facts are plain data");
-    files.write(format!("{name}.json"), |out| out.write_all(&text))
+    let text = json::pretty(&facts).expect("facts are plain data");
+    files.write(format!("{name}.json"), |out| out.write_all(text.as_bytes()))
 }
 
 /// Copies files that lie beside the mesh at `path`, or below its folder.

@@ -1,12 +1,13 @@
 //! Values in USD's text format.
 
 use crate::export::placement::{Axes, Placement};
+use crate::files::json;
 use crate::words::output::one_line;
 
 /// A string literal of one line. Control characters are shown as escapes (the six characters `\u001b`), because USD does
 /// not read JSON's escapes for them; quotation marks and backslashes are escaped as in JSON.
 pub fn quoted(text: &str) -> String {
-    serde_json::to_string(&one_line(text)).expect("a string is JSON")
+    json::compact(&one_line(text)).expect("a string is JSON")
 }
 
 /// USD stores these values in 32 bits; the text has the same precision.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use crate::camera::Camera;
 use crate::error::{Context, Result, UsageError};
+use crate::files::json;
 use crate::gaussians::Gaussians;
 use crate::parallel;
 use crate::scene;
@@ -147,12 +148,12 @@ impl Stored for SimulationReport {
 /// Saves everything needed to continue after the frame `last`, including the checksums of the frames so far.
 fn save_checkpoint(work: &WorkDir, key: &str, last: usize, snapshot: &Snapshot) -> Result<()> {
     let files = frame_files(last + 1).map(|path| Ok(Output { checksum: work.checksum(&path)?, path }));
-    let files = serde_json::to_vec(&files.collect::<Result<Vec<_>>>()?)?;
+    let files = json::compact(&files.collect::<Result<Vec<_>>>()?)?;
     Ok(work.write_with(Artifact::Checkpoint, |out| {
         out.write_all(key.as_bytes())?;
         let mut sealed = BufWriter::new(Checksumming::new(&mut *out));
         sealed.write_all(&(files.len() as u64).to_le_bytes())?;
-        sealed.write_all(&files)?;
+        sealed.write_all(files.as_bytes())?;
         snapshot.write(&mut sealed)?;
         let seal = sealed.into_inner().map_err(IntoInnerError::into_error)?.finish().sha256;
         out.write_all(seal.as_bytes())
@@ -262,5 +263,5 @@ fn opened(bytes: &[u8]) -> Option<(Vec<Output>, &[u8])> {
     }
     let (length, rest) = sealed.split_first_chunk()?;
     let (files, snapshot) = rest.split_at_checked(usize::try_from(u64::from_le_bytes(*length)).ok()?)?;
-    Some((serde_json::from_slice(files).ok()?, snapshot))
+    Some((json::read(files).ok()?, snapshot))
 }

@@ -1,5 +1,6 @@
 //! Finds the JSON objects in a model's text: bare, fenced, after some reasoning, or cut off at the end.
 
+use crate::files::json;
 use std::collections::VecDeque;
 
 use serde_json::{Deserializer, Value};
@@ -104,7 +105,7 @@ fn closed(text: &str) -> Option<Value> {
     }
     let end: String = brackets.open.iter().rev().collect();
     let closed_string = if brackets.in_string { "\"" } else { "" };
-    serde_json::from_str(&format!("{}{closed_string}{end}", text.trim_end_matches([',', ' ', '\n']))).ok()
+    json::read(format!("{}{closed_string}{end}", text.trim_end_matches([',', ' ', '\n'])).as_bytes()).ok()
 }
 
 /// The open brackets of a JSON text that is read character by character.

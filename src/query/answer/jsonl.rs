@@ -2,6 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
+use crate::files::json;
 use crate::query::{Answers, Outcome, SubjectAnswer, SubjectId};
 
 /// A line that gprop did not write; lines are counted from 1.
@@ -29,7 +30,7 @@ impl Answers {
         let mut answered = HashSet::new();
         for (line, text) in lines {
             let answer: SubjectAnswer =
-                serde_json::from_str(text).map_err(|problem| AnswersError::NotAnAnswer { line, problem })?;
+                json::read(text.as_bytes()).map_err(|problem| AnswersError::NotAnAnswer { line, problem })?;
             if !answered.insert((answer.view.clone(), answer.subject)) {
                 return Err(AnswersError::Again { line, view: answer.view, subject: answer.subject });
             }
@@ -52,7 +53,7 @@ impl Answers {
 impl SubjectAnswer {
     /// One line, with its line break.
     pub fn to_jsonl(&self) -> String {
-        let mut line = serde_json::to_string(self).expect("an answer has string keys and finite numbers");
+        let mut line = json::compact(self).expect("an answer has string keys and finite numbers");
         line.push('\n');
         line
     }

@@ -8,6 +8,7 @@ use super::budget::{Budget, NotSent, Spent};
 use super::cost::Cost;
 use super::queries::Queries;
 use super::whole::{WholeOutcome, WholeQuestion};
+use crate::files::json;
 use crate::query::answer::{Problem, Unknown};
 use crate::query::error::{InVain, QueryError};
 use crate::query::options::AnswerSource;
@@ -185,7 +186,7 @@ impl<'a> Live<'a> {
         self.budget.close();
         let spare = self.recordings.set_aside(recording).map(PathBuf::from);
         if spare.is_none() {
-            let json = serde_json::to_string(recording).expect("a recording is plain data");
+            let json = json::compact(recording).expect("a recording is plain data");
             progress::notice(&format!("this answer could not be written; save it as {}.json:\n{json}", recording.key));
         }
         let folder = self.recordings.folder().to_owned();

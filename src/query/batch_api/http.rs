@@ -8,6 +8,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use serde_json::json;
 
+use crate::files::json;
 use crate::query::ask::asker::AskError;
 use crate::query::client::response::{self, Received};
 use crate::query::client::retry::Attempt;
@@ -133,7 +134,7 @@ fn json_body<T: DeserializeOwned>(received: &Received) -> Result<T, Attempt> {
     if !received.status.is_success() {
         return Err(failure(received));
     }
-    serde_json::from_str(&received.body).map_err(|error| {
+    json::read(received.body.as_bytes()).map_err(|error| {
         Attempt::Final(AskError::Failed(format!("the server does not answer like OpenAI's Batch API: {error}")))
     })
 }

@@ -26,6 +26,7 @@ use super::error::QueryError;
 use super::options::AnswerSource;
 use super::recorded::{Answerer, QuestionId, key};
 use crate::error::UsageError;
+use crate::files::json;
 use crate::query::ask::asker::{AskError, Asker};
 use crate::query::recorded::sha256::Sha256Hex;
 use crate::words::progress;
@@ -187,7 +188,7 @@ pub fn submit<E: From<QueryError>>(
         let id = client.start_batch_api_job(lines).map_err(QueryError::BatchApi)?.id;
         let job = BatchApiJob { id, waiting };
         accepted(job.clone()).inspect_err(|_| {
-            let json = serde_json::to_string(&job).expect("a job is plain data");
+            let json = json::compact(&job).expect("a job is plain data");
             progress::notice(&format!(
                 "this job was accepted, but could not be noted; to collect its answers, add it to \"jobs\" in the file named \
                  below:\n{json}"

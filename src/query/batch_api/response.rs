@@ -3,6 +3,7 @@
 use serde::Deserialize;
 use serde_json::Value;
 
+use crate::files::json;
 use crate::query::ask::asker::{AskError, ReplyContent};
 use crate::query::client::read_completion;
 use crate::query::recorded::Usage;
@@ -60,7 +61,7 @@ pub fn lines(text: &str, without_key: &dyn Fn(&str) -> String) -> Result<Vec<Ans
         .zip(text.lines())
         .filter(|(_, line)| !line.trim().is_empty())
         .map(|(number, line)| {
-            let line: Line = serde_json::from_str(line).map_err(|error| {
+            let line: Line = json::read(line.as_bytes()).map_err(|error| {
                 AskError::Failed(format!("line {number} of the job's file is not what the Batch API writes: {error}"))
             })?;
             Ok((line.custom_id, answer(line.response, line.error, without_key)))

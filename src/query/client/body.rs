@@ -1,6 +1,7 @@
 //! The JSON of a response's body, in whatever wrapping servers send it: bare, in a list, or as an event stream although
 //! `stream` was false.
 
+use crate::files::json;
 use serde_json::{Deserializer, Value};
 
 /// The last line of an event stream.
@@ -9,7 +10,7 @@ const END: &str = "[DONE]";
 /// The JSON objects of a body: the body itself or the elements of its list, or those on the lines of an event stream. Empty
 /// if there are none. What follows text that is not JSON is left out.
 pub fn documents(body: &str) -> Vec<Value> {
-    let values = serde_json::from_str(body).map_or_else(|_| of_stream(body), |value| vec![value]);
+    let values = json::read(body.as_bytes()).map_or_else(|_| of_stream(body), |value| vec![value]);
     let elements = |value| match value {
         Value::Array(elements) => elements,
         value => vec![value],
@@ -30,7 +31,7 @@ fn of_stream(body: &str) -> Vec<Value> {
 /// The explanation in a body that reports an error: the server's sentence, without the JSON around it. `None` if it has
 /// none.
 pub fn sentence(body: &str) -> Option<String> {
-    if let Ok(value) = serde_json::from_str(body) {
+    if let Ok(value) = json::read(body.as_bytes()) {
         return sentence_in(&value);
     }
     let documents = documents(body);

@@ -10,6 +10,7 @@ use serde_json::{Map, Value};
 
 use super::key::ApiKey;
 use crate::files;
+use crate::files::json;
 use crate::query::recorded::sha256::Sha256Hex;
 
 /// Fields of a request's body.
@@ -55,7 +56,7 @@ impl Fields {
         if key.is_some_and(|key| key.cut_from(&text) != text) {
             return Err(FieldsProblem::Key);
         }
-        let fields: Map<String, Value> = serde_json::from_str(&text)?;
+        let fields: Map<String, Value> = json::read(text.as_bytes())?;
         match OF_GPROP.iter().find(|(name, _)| fields.contains_key(*name)) {
             Some(&(name, instead)) => Err(FieldsProblem::OfGprop { name, instead }),
             None => Ok(Self(fields)),

@@ -9,6 +9,7 @@ use super::completion::Completion;
 use super::connection::Route;
 use super::retry::Attempt;
 use super::wait;
+use crate::files::json;
 use crate::query::ask::asker::{AskError, Reply, ReplyContent};
 use crate::query::recorded::Usage;
 
@@ -71,7 +72,7 @@ fn reported(received: &Received, error: &Value) -> Attempt {
 fn no_completion(body: &str, documents: &[Value]) -> String {
     let found = match documents {
         [] if body.trim().is_empty() => "it is empty".to_owned(),
-        [] => match serde_json::from_str::<Value>(body) {
+        [] => match json::read::<Value>(body.as_bytes()) {
             Err(error) => error.to_string(),
             Ok(_) => "it is an empty list".to_owned(),
         },

@@ -10,6 +10,7 @@ use serde::Serialize;
 use serde_json::Value;
 
 use super::filled::Filled;
+use crate::files::json;
 use crate::materials::MaterialLibrary;
 use crate::query::answer::recognition;
 use crate::query::question::Question;
@@ -170,6 +171,6 @@ impl Form {
     /// The reply to an answer, as JSON for the page.
     pub fn reply(&self, served: &Served, problem: Option<&str>) -> String {
         let reply = Reply { queries: &self.questions, texts: &self.texts, served, problem };
-        serde_json::to_string(&reply).expect("its keys are strings and its numbers finite")
+        json::compact(&reply).expect("its keys are strings and its numbers finite")
     }
 }

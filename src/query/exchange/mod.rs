@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::files;
+use crate::files::json;
 use crate::files::write::Folder;
 use crate::materials::MaterialLibrary;
 use crate::query::answer::{Problem, Unknown};
@@ -180,7 +181,7 @@ pub fn import(
     let manifest: Manifest = {
         let path = folder.join(MANIFEST);
         let problem = |problem: String| ExchangeError::Manifest { path: path.clone(), problem };
-        let manifest: Manifest = serde_json::from_str(&read(&path)?).map_err(|error| problem(error.to_string()))?;
+        let manifest: Manifest = json::read(read(&path)?.as_bytes()).map_err(|error| problem(error.to_string()))?;
         if manifest.format != FORMAT {
             return Err(problem(format!("its format is {}, but this gprop reads {FORMAT}", manifest.format)));
         }
@@ -261,7 +262,7 @@ enum LineProblem {
 }
 
 fn parse(text: &str) -> Result<AnswerLine, LineProblem> {
-    Ok(serde_json::from_str(text)?)
+    Ok(json::read(text.as_bytes())?)
 }
 
 /// The recording of a line's answer, if the line is valid.
@@ -287,7 +288,7 @@ fn origins(path: &Path) -> Result<BTreeMap<String, QuestionId>, ExchangeError> {
     (1..)
         .zip(read(path)?.lines())
         .map(|(line, text)| {
-            let origin: OriginLine = serde_json::from_str(text).map_err(|error| ExchangeError::Broken {
+            let origin: OriginLine = json::read(text.as_bytes()).map_err(|error| ExchangeError::Broken {
                 path: path.into(),
                 line,
                 problem: error.to_string(),
@@ -298,7 +299,7 @@ fn origins(path: &Path) -> Result<BTreeMap<String, QuestionId>, ExchangeError> {
 }
 
 fn push_line(text: &mut String, value: &impl Serialize) {
-    text.push_str(&serde_json::to_string(value).expect("lines have string keys and finite numbers"));
+    text.push_str(&json::compact(value).expect("lines have string keys and finite numbers"));
     text.push('\n');
 }
 

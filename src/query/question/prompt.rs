@@ -11,6 +11,7 @@ use serde_json::Value;
 
 use super::sheet::Context;
 use crate::files;
+use crate::files::json;
 use crate::query::recorded::sha256::Sha256Hex;
 
 /// All texts that are sent to the model.
@@ -91,7 +92,7 @@ impl Prompts {
         let text = |name: &str, builtin: &str| own(name).unwrap_or_else(|| Ok(builtin.to_owned()));
         let json = |name: &str, builtin: &str| {
             let text = text(name, builtin)?;
-            serde_json::from_str(&text)
+            json::read(text.as_bytes())
                 .map_err(|error| PromptError::Schema { file: name.into(), problem: error.to_string() })
         };
         let prompts = Self {

@@ -4,6 +4,7 @@ use jsonschema::Validator;
 use serde_json::{Value, json};
 
 use super::prompt::PromptError;
+use crate::files::json;
 use crate::materials::fold;
 use crate::query::answer::extract::{self, NoJson};
 use crate::query::recorded::sha256::Sha256Hex;
@@ -131,7 +132,7 @@ fn with_wrapped(object: Value) -> Vec<Value> {
 fn read_literals(value: &mut Value, schema: &Value) {
     if let Value::String(text) = value
         && !allows(schema, "string")
-        && let Ok(literal) = serde_json::from_str::<Value>(&text.trim().to_lowercase())
+        && let Ok(literal) = json::read::<Value>(text.trim().to_lowercase().as_bytes())
         && allows(schema, type_of(&literal))
     {
         *value = literal;

@@ -8,6 +8,7 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::lock::QuestionLock;
 use super::{Answerer, FORMAT, MASK_IOU, QuestionId, Recording, key};
+use crate::files::json;
 use crate::files::write::{Folder, TEMPORARY};
 use crate::query::Match;
 use crate::query::recorded::sha256::Sha256Hex;
@@ -368,7 +369,7 @@ const TRIAL_BYTES: usize = 1 << 16;
 
 fn write(folder: &Path, recording: &Recording) -> std::io::Result<()> {
     let mut draft = Folder::open(folder)?.draft(&file_in(Path::new(""), &recording.key), TEMPORARY)?;
-    serde_json::to_writer_pretty(&mut draft, recording)?;
+    draft.write_all(json::pretty(recording)?.as_bytes())?;
     draft.write_all(b"\n")?;
     draft.sync()?;
     draft.publish()

@@ -21,6 +21,7 @@ use zip::ZipArchive;
 use super::loaded::{Loaded, drop_unusable};
 use super::quantized::{opacity_logit_of_byte, quaternion_of_smallest_three};
 use crate::files;
+use crate::files::json;
 use crate::gaussians::Gaussians;
 use crate::parallel;
 
@@ -149,7 +150,7 @@ pub fn is_meta(path: &Path) -> bool {
         #[serde(rename = "quats")]
         _quats: serde_json::Value,
     }
-    files::read(path).is_ok_and(|bytes| serde_json::from_slice::<Head>(&bytes).is_ok())
+    files::read(path).is_ok_and(|bytes| json::read::<Head>(&bytes).is_ok())
 }
 
 fn read(mut source: Source) -> Result<Loaded, Problem> {

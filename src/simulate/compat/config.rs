@@ -7,6 +7,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use crate::files::json;
 use crate::simulate::SimulateError;
 
 /// Keys for the camera of the peer's viewer, and one that its solver reads but never uses.
@@ -259,7 +260,7 @@ impl Config {
     /// [`SimulateError::Configuration`] for invalid JSON, a key that the peer does not know, or an invalid value.
     pub fn from_json(text: &str) -> Result<Self, SimulateError> {
         let bad = |error: serde_json::Error| SimulateError::Configuration(error.to_string());
-        Self::from_map(serde_json::from_str(text).map_err(bad)?)
+        Self::from_map(json::read(text.as_bytes()).map_err(bad)?)
     }
 
     /// A configuration from its keys.
