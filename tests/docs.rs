@@ -18,9 +18,12 @@
 //! Every option in any code of the README and of `docs/`, in a command or not, is passed to a command that has it, with
 //! the value shown there or, for `DIR` and the like, with one of that kind.
 
+use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Output;
+use std::sync::{Mutex, PoisonError};
 
 use gprop::simulate::script::Script;
 use gprop::workdir::DEFAULT_NAME;
@@ -92,22 +95,27 @@ fn words(command: &str) -> Vec<String> {
     words
 }
 
+/// The help of the command that these words invoke; `None` if there is no such command.
+fn help_of(words: &[&String]) -> Option<String> {
+    static KNOWN: Mutex<BTreeMap<Vec<String>, Option<String>>> = Mutex::new(BTreeMap::new());
+    let words: Vec<String> = words.iter().map(|word| (*word).clone()).collect();
+    let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    let asked = known.entry(words).or_insert_with_key(|words| {
+        let output = gprop().args(words).arg("--help-all").output().unwrap();
+        output.status.success().then(|| String::from_utf8(output.stdout).unwrap())
+    });
+    asked.clone()
+}
+
 /// The reason why gprop's own help does not allow a command; `None` if it does.
 fn refused_by_the_help(command: &str) -> Option<String> {
     let words = words(command);
     let plain = |word: &&String| word.chars().all(|c| c.is_ascii_lowercase());
     let path: Vec<&String> = words[1..].iter().take_while(plain).take(2).collect();
     // The second word may be a subcommand (`grasp calibrate`) or an argument (`inspect folder`).
-    let help = (1..=path.len()).rev().find_map(|length| {
-        let output = gprop().args(&path[..length]).arg("--help-all").output().unwrap();
-        output.status.success().then(|| String::from_utf8(output.stdout).unwrap())
-    });
-    let top = || String::from_utf8(gprop().arg("--help-all").output().unwrap().stdout).unwrap();
-    let help = match (help, path.is_empty()) {
-        (Some(help), _) => help,
-        (None, true) => top(),
-        (None, false) => return Some(format!("`{command}`: no such command")),
-    };
+    let least = usize::from(!path.is_empty());
+    let help = (least..=path.len()).rev().find_map(|length| help_of(&path[..length]));
+    let Some(help) = help else { return Some(format!("`{command}`: no such command")) };
     let known = |flag: &str| help.split(|c: char| !(c.is_ascii_alphanumeric() || c == '-')).any(|word| word == flag);
     let flags = words.iter().filter(|word| word.starts_with("--")).map(|word| word.split('=').next().unwrap());
     let unknown: Vec<&str> = flags.flat_map(|flag| flag.split('|')).filter(|flag| !known(flag)).collect();
@@ -122,7 +130,9 @@ fn place() -> TempDir {
     // The options that make runs quick are in the scene's own configuration, so that commands are run as written.
     let mut configuration = fs::read_to_string(scene.path().join("gprop.toml")).unwrap();
     for option in QUICK.chunks(2).filter(|option| option[0] != "--size") {
-        configuration += &format!("{} = \"{}\"\n", option[0].trim_start_matches('-'), option[1]);
+        // Few cells have few triangles, which exports write soon.
+        let value = if option[0] == "--volume-cells" { "20000" } else { option[1] };
+        configuration += &format!("{} = \"{value}\"\n", option[0].trim_start_matches('-'));
     }
     fs::write(scene.path().join("gprop.toml"), configuration).unwrap();
     fs::rename(scene.keep(), path_of("my_scene")).unwrap();
@@ -254,7 +264,7 @@ fn samples(argument: &clap::Arg, shown: Option<&str>, file: &str, folder: &str) 
 
 #[test]
 fn every_option_on_the_pages_is_taken_with_its_value() {
-    let commands = crate::usage::commands();
+    let (commands, parser) = (crate::usage::commands(), RefCell::new(gprop::command()));
     let home = TempDir::new().unwrap();
     let file = home.path().join("file");
     fs::write(&file, "").unwrap();
@@ -280,7 +290,7 @@ fn every_option_on_the_pages_is_taken_with_its_value() {
                 let is_taken = candidates.iter().any(|(words, argument)| {
                     if argument.get_action().takes_values() {
                         let samples = samples(argument, shown.as_deref(), file, folder);
-                        let given = |value: &String| taken(words, &format!("--{flag}={value}"));
+                        let given = |value: &String| taken(&parser, words, &format!("--{flag}={value}"));
                         // Each of the alternatives that the page shows must be accepted; of samples, one is enough.
                         let all = shown.as_ref().is_some_and(|text| text.contains('|'))
                             && !samples.contains(&file.to_owned());
@@ -299,11 +309,12 @@ fn every_option_on_the_pages_is_taken_with_its_value() {
     assert_eq!(wrong, Vec::<String>::new());
 }
 
-/// True if a command has this option and accepts its value, whatever else the command needs.
-fn taken(words: &[String], option: &str) -> bool {
+/// True if a command has this option and accepts its value, whatever else the command needs. `parser` is gprop's
+/// command line, which takes longer to build than to use.
+fn taken(parser: &RefCell<clap::Command>, words: &[String], option: &str) -> bool {
     use clap::error::ErrorKind::{InvalidValue, TooManyValues, UnknownArgument, ValueValidation};
     let typed = std::iter::once("gprop").chain(words.iter().map(String::as_str)).chain([option]);
-    let parsed = gprop::command().try_get_matches_from(typed);
+    let parsed = parser.borrow_mut().try_get_matches_from_mut(typed);
     !parsed.is_err_and(|e| [InvalidValue, TooManyValues, UnknownArgument, ValueValidation].contains(&e.kind()))
 }
 

@@ -89,7 +89,7 @@ fn python_runs_each_link() {
     let error = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(2) && error.contains("run each with gprop.run_all"), "{error}");
     assert!(works.is_empty() && !folder.path().join("hand.gprop").exists(), "{works:?}");
-    let (_, works) = for_python(&hand, &["--to", "scene", "--for-python", "all"]);
+    let (_, works) = for_python(&hand, &["--to", "scene", "--render-views", "4", "--for-python", "all"]);
     let each = ["left_finger", "palm", "thumb"];
     let folder_of = |name: &str| folder.path().join("hand.gprop/links").join(name).with_extension("gprop");
     assert_eq!(works, each.map(|name| (name.to_owned(), folder_of(name))));
@@ -99,7 +99,7 @@ fn python_runs_each_link() {
 #[test]
 fn links_that_look_alike_are_one_object() {
     let folder = written("hand.urdf", HAND);
-    let output = run(&folder.path().join("hand.urdf"), &["--to", "scene", "--json"]);
+    let output = run(&folder.path().join("hand.urdf"), &["--to", "scene", "--render-views", "4", "--json"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let links: Value = serde_json::from_slice(&output.stdout).unwrap();
     let stored: Value =

@@ -376,11 +376,11 @@ fn a_killed_run_resumes_to_the_same_bytes() {
     let whole = started.elapsed();
 
     // Kills spread over the run's length, whatever the machine's speed: none depends on hitting a certain stage.
-    for part in 1..=3 {
+    for part in 1..=2 {
         let mut command = gprop();
         command.stdout(Stdio::null()).stderr(Stdio::null());
         let mut child = command.arg("run").arg(killed.path()).args(QUICK).spawn().unwrap();
-        std::thread::sleep(whole * part / 4);
+        std::thread::sleep(whole * part / 3);
         child.kill().unwrap();
         child.wait().unwrap();
     }

@@ -93,15 +93,11 @@ fn assert_found(name: &str, folder: &TempDir, of_splat: &Similarity3<f64>) {
     write_splat(folder.path(), &cloud);
 }
 
+/// A rod; a mug is found below.
 #[test]
 fn a_splat_moved_by_any_similarity_is_found() {
-    let mut random = fastrand::Rng::with_seed(46);
-    for (name, step, moves) in [("hammer", 1, 2), ("mug", 2, 1)] {
-        let folder = Small { name, step, views: 8, side: 192 }.folder();
-        for _ in 0..moves {
-            assert_found(name, &folder, &any_similarity(&mut random));
-        }
-    }
+    let folder = Small { name: "hammer", step: 1, views: 8, side: 192 }.folder();
+    assert_found("hammer", &folder, &any_similarity(&mut fastrand::Rng::with_seed(46)));
 }
 
 /// The hammer on a floor between walls, each of patches of any colour; photos without alpha.

@@ -9,7 +9,7 @@ mod table;
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use clap::ValueEnum;
 use gprop::export::{ExportError, Format, Model, Origin, export};
@@ -69,11 +69,20 @@ impl Rigid {
         static RIGID: Shared<Rigid> = Shared::new();
         RIGID.of(scene, || {
             let measured = Measured::of(scene);
-            let folder = shared_folder(&format!("export/{}", measured.scene.name));
-            let mut rigid = Self { measured, folder, files: Vec::new() };
-            rigid.files = export(&rigid.model(), &Self::FORMATS, &rigid.folder).unwrap();
-            rigid
+            Self::new(measured, &measured.scene.name)
         })
+    }
+
+    /// Of [`Measured::small`].
+    fn small() -> &'static Self {
+        static SMALL: OnceLock<Rigid> = OnceLock::new();
+        SMALL.get_or_init(|| Self::new(Measured::small(), "small"))
+    }
+
+    fn new(measured: &'static Measured, folder: &str) -> Self {
+        let mut rigid = Self { measured, folder: shared_folder(&format!("export/{folder}")), files: Vec::new() };
+        rigid.files = export(&rigid.model(), &Self::FORMATS, &rigid.folder).unwrap();
+        rigid
     }
 
     fn model(&self) -> Model<'_> {
@@ -272,9 +281,10 @@ fn simready_accepts_the_usd_as_a_prop() {
     if !python_has("simready_accepts_the_usd_as_a_prop", PACKAGES, "simready.foundation.tier_core") {
         return;
     }
-    let rigid = Rigid::of(&folders()[0]);
-    for ending in [".usda", ".usdz"] {
-        let found = python_of_one("simready_check.py", &[rigid.file(ending)]);
+    let rigid = Rigid::small();
+    let endings = [".usda", ".usdz"];
+    let checked = python("simready_check.py", &endings.map(|ending| rigid.file(ending)));
+    for (ending, found) in endings.iter().zip(checked) {
         println!("{ending} {found}");
         let features = found["features"].as_object().unwrap();
         assert_eq!(found["version"], "4.0.0");
@@ -507,7 +517,7 @@ fn boxes_leave_out_the_gaussians_that_physgaussian_drops() {
 
 #[test]
 fn exports_are_the_same_bytes_again() {
-    let rigid = Rigid::of(&folders()[0]);
+    let rigid = Rigid::small();
     let (first, second) = (TempDir::new().unwrap(), TempDir::new().unwrap());
     // The files with colliders are there already.
     let all: Vec<Format> = Format::value_variants().iter().copied().filter(|format| !format.needs_mesh()).collect();
@@ -535,7 +545,7 @@ fn exports_are_the_same_bytes_again() {
 /// What fills a shell is solid to the touch: the colliders are those of a solid part.
 #[test]
 fn a_filling_collides_as_its_shell() {
-    let rigid = Rigid::of(&folders()[0]);
+    let rigid = Rigid::small();
     let measured = rigid.measured;
     let mut interior = measured.result.interior.clone();
     let shell = measured.parts().parts.last().unwrap().id;

@@ -8,7 +8,7 @@ use nalgebra::{Point3, Vector3};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::grasp::scenes::{Measured, folders};
+use crate::grasp::scenes::Measured;
 use crate::support::python_has;
 
 /// Vertices are written to a micrometre; sizes and centres are of two of them.
@@ -48,7 +48,7 @@ fn exported(model: &Model, formats: &[Format]) -> TempDir {
 
 #[test]
 fn an_object_has_the_origin_that_was_chosen() {
-    let measured = Measured::of(&folders()[0]);
+    let measured = Measured::small();
     let model = super::model(measured);
     let body = |origin| {
         let folder = exported(&Model { origin, ..model }, &[Format::Mjcf]);
@@ -79,7 +79,7 @@ fn two_exports_stand_side_by_side() {
     if !python_has("two_exports_stand_side_by_side", "mujoco", "mujoco") {
         return;
     }
-    let measured = Measured::of(&folders()[0]);
+    let measured = Measured::small();
     let together = |at: Vector3<f64>| {
         let folder = TempDir::new().unwrap();
         let model = Model { origin: Origin::Base, ..super::model(measured) };
@@ -100,7 +100,7 @@ fn two_exports_stand_side_by_side() {
 
 #[test]
 fn sdf_is_one_free_model_that_pybullet_reads() {
-    let measured = Measured::of(&folders()[0]);
+    let measured = Measured::small();
     let folder = exported(&super::model(measured), &[Format::Sdf]);
     let path = folder.path().join("hammer.sdf");
     let text = std::fs::read_to_string(&path).unwrap();
@@ -123,7 +123,7 @@ fn sdf_is_one_free_model_that_pybullet_reads() {
 
 #[test]
 fn on_steel_frictions_are_those_of_the_library() {
-    let measured = Measured::of(&folders()[0]);
+    let measured = Measured::small();
     let library = MaterialLibrary::builtin();
     // This scene's materials are those of its ground truth, of which the library has not all.
     let model = Model { on_steel: Some(library), ..super::model(measured) };

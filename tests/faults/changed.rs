@@ -112,7 +112,7 @@ fn simulate(balls: &Balls, out: &Path) -> Output {
     let mut command = gprop();
     command.arg("simulate").arg(balls.scene(0)).args(["-q", "--frames", "4", "--duration", "0.04", "--grid", "16"]);
     // Without ffmpeg and with a small film, which makes no difference here.
-    command.args(["--size", "320x180"]);
+    command.args(["--size", "64x64"]);
     command.env("PATH", "").arg("--out").arg(out).args(balls.answers()).output().unwrap()
 }
 

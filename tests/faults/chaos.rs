@@ -16,7 +16,7 @@ use crate::support::server::{MockServer, Response};
 use crate::vote::build::Noise;
 
 /// Number of runs for which a test has time; the environment variable `GPROP_CHAOS_RUNS` sets another.
-const RUNS: usize = 60;
+const RUNS: usize = 32;
 /// Seed of the faults: the same sequence on every machine, although the point that a kill hits depends on its speed.
 const SEED: u64 = 17;
 

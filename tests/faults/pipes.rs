@@ -79,8 +79,11 @@ fn in_place_of_files_that_a_scenes_options_name() {
         let (balls, out) = (Balls::new(1), tempfile::tempdir().unwrap());
         pipe(&balls.scene(0).join(file));
         let named = file.split('/').next().unwrap();
-        fs::write(balls.scene(0).join("gprop.toml"), format!("{option} = \"{named}\"\n")).unwrap();
-        let to_the_end = ["--to", "report", "--scale", "1"];
+        let configuration = balls.scene(0).join("gprop.toml");
+        let others = fs::read_to_string(&configuration).unwrap();
+        fs::write(configuration, format!("{others}{option} = \"{named}\"\n")).unwrap();
+        let to_the_end =
+            ["--to", "report", "--scale", "1", "--frames", "2", "--duration", "0.01", "--grid", "8", "--size", "64x64"];
         assert_refused(&run(&balls, out.path(), &to_the_end), 2, &[file, "it is a named pipe"]);
     }
 }

@@ -12,8 +12,9 @@ use gprop::scene::Scene;
 use gprop::vote::MaterialField;
 use gprop::words::progress::Progress;
 
+use crate::inspect::thinned_by;
 use crate::parts::truth::{self, Known};
-use crate::support::Shared;
+use crate::support::{Shared, changed};
 
 /// A scene processed up to its parts.
 pub struct Measured {
@@ -32,11 +33,31 @@ impl Measured {
 
     fn new(folder: &Path) -> Self {
         let Known { scene, field, .. } = truth::known(folder);
+        Self::of_field(scene, field, 500_000)
+    }
+
+    fn of_field(scene: &'static Scene, field: &'static MaterialField, volume_cells: usize) -> Self {
         let cameras: Vec<_> = scene.views.iter().map(|v| v.camera.clone()).collect();
-        let options = parts::Options { volume_cells: 500_000, ..Default::default() };
+        let options = parts::Options { volume_cells, ..Default::default() };
         let scale = scene.scale.as_ref();
         let result = parts::parts(&scene.gaussians, field, &cameras, &[], scale, &options, Progress::Hidden).unwrap();
         Self { scene, field, result, cameras, with_paper: OnceLock::new() }
+    }
+
+    /// The hammer in few Gaussians and cells, for what does not depend on its shape.
+    pub fn small() -> &'static Self {
+        static SMALL: OnceLock<Measured> = OnceLock::new();
+        static KNOWN: OnceLock<(Scene, MaterialField)> = OnceLock::new();
+        SMALL.get_or_init(|| {
+            let (scene, field) = KNOWN.get_or_init(|| {
+                const STEP: usize = 8;
+                let Known { scene, field, .. } = truth::known(&truth::hammer());
+                let part_label = field.part_label.iter().copied().step_by(STEP).collect();
+                let scene = changed(scene.clone(), |scene| scene.gaussians = thinned_by(&scene.gaussians, STEP));
+                (scene, MaterialField::known(field.labels.clone(), part_label))
+            });
+            Self::of_field(scene, field, 20_000)
+        })
     }
 
     pub fn parts(&self) -> &Parts {

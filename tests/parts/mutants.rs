@@ -220,7 +220,7 @@ fn one_large_gaussian_is_set_aside_and_changes_no_mass() {
 #[test]
 fn the_mass_of_mutated_splats_holds_or_the_run_says_why_not() {
     let number = |name: &str| std::env::var(name).ok().and_then(|text| text.parse().ok());
-    let (cases, first) = (number("GPROP_MUTANTS").unwrap_or(12), number("GPROP_MUTANT_SEED").unwrap_or(1));
+    let (cases, first) = (number("GPROP_MUTANTS").unwrap_or(8), number("GPROP_MUTANT_SEED").unwrap_or(1));
     let line = Line::hammer();
     let clean = line.weigh(line.gaussians()).unwrap().parts.object.mass_kg;
     println!("clean: {clean:.3?} kg, true {:.3}", line.true_mass);

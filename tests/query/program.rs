@@ -4,8 +4,8 @@ use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
 use image::{Rgba, RgbaImage};
@@ -14,6 +14,7 @@ use serde_json::{Value, json};
 use super::client::{CANARY, Server, error, ok};
 use super::offline::{assert_untouched, listener};
 use super::{a, good_answer, good_answer_about_part, with};
+use crate::batch::contents;
 use crate::run::{gprop, hammer};
 use crate::support::server::MockServer;
 use crate::support::{models, said};
@@ -31,6 +32,31 @@ fn picture(folder: &Path) -> PathBuf {
     });
     picture.save(&path).unwrap();
     path
+}
+
+/// The same with its segments, where a command finds them and continues as after a kill. SAM makes them once for all tests.
+fn segmented_picture(folder: &Path) -> PathBuf {
+    static SEGMENTS: OnceLock<Vec<(PathBuf, Vec<u8>)>> = OnceLock::new();
+    let path = picture(folder);
+    give(
+        SEGMENTS.get_or_init(|| segments_of(&path, &path.with_extension("gprop"), &[])),
+        &path.with_extension("gprop"),
+    );
+    path
+}
+
+/// What SAM finds in a subject with few prompts.
+fn segments_of(subject: &Path, work: &Path, more: &[&str]) -> Vec<(PathBuf, Vec<u8>)> {
+    let output = gprop().arg("segment").arg(subject).args(FEW_PROMPTS).args(more).output().unwrap();
+    assert!(output.status.success(), "{}", said(&output));
+    let segments = contents(&work.join("segments"));
+    fs::remove_dir_all(work).unwrap();
+    segments
+}
+
+fn give(segments: &[(PathBuf, Vec<u8>)], work: &Path) {
+    fs::create_dir_all(work.join("segments")).unwrap();
+    segments.iter().for_each(|(name, bytes)| fs::write(work.join("segments").join(name), bytes).unwrap());
 }
 
 fn query(subject: &Path, server: Option<&Server>, more: &[&str]) -> Command {
@@ -94,7 +120,7 @@ fn who_is_asked_about_how_many_pictures_is_told_before_the_first_request() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let path = picture(folder.path());
+    let path = segmented_picture(folder.path());
     // The server does not answer before the test has read which server is asked. It gives up after far longer than the
     // line takes on any machine, or else a missing line would hang the test.
     let (told, wait) = std::sync::mpsc::channel::<()>();
@@ -145,7 +171,7 @@ fn a_proxy_that_pictures_pass_through_is_named_and_not_used_for_this_machine() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let path = picture(folder.path());
+    let path = segmented_picture(folder.path());
     let proxy = MockServer::new(|_| ok(&good_answer(a("wood")).to_string()));
     let far = ["-q", "--lmm-url", "http://model.invalid/v1", "--lmm-model", "far"];
     let output = behind(&proxy, &mut query(&path, None, &far));
@@ -170,7 +196,7 @@ fn a_wait_that_the_server_asks_for_is_shown() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let path = picture(folder.path());
+    let path = segmented_picture(folder.path());
     let server = Server::new(|count, _, _| match count {
         0 => error(429, "slow down").header("retry-after", "1"),
         _ => ok(&good_answer(a("wood")).to_string()),
@@ -186,7 +212,7 @@ fn offline_opens_no_connection() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let path = picture(folder.path());
+    let path = segmented_picture(folder.path());
     let (listener, url) = listener();
     let asking = ["--lmm-url", &url, "--lmm-model", "gpt-4o"];
     let ways: [(&[&str], &str, &str); 5] = [
@@ -277,7 +303,7 @@ fn a_scene_says_what_asking_would_cost_once_it_is_segmented() {
         return;
     }
     let folder = tempfile::tempdir().unwrap();
-    let path = picture(folder.path());
+    let path = segmented_picture(folder.path());
     let prices = folder.path().join("prices.csv");
     let header = "model,input_usd_per_mtok,output_usd_per_mtok,image_tokens,as_of,source";
     fs::write(&prices, format!("{header}\ntest-model,1000000,0,patches 100000 1 0,2026-11-21,a contract\n")).unwrap();
@@ -371,7 +397,7 @@ fn the_key_is_in_no_file_and_no_word() {
             _ => ok(&with(good_answer_about_part(a("wood")), "caption", json!(header)).to_string()),
         }
     });
-    let quick = ["--frames", "2", "--duration", "0.02", "--grid", "16", "--volume-cells", "50000"];
+    let quick = ["--frames", "2", "--duration", "0.02", "--grid", "16", "--volume-cells", "50000", "--size", "64x64"];
     let options = server.options();
     let mut command = gprop();
     command.arg("run").arg(scene.path()).args(FEW_PROMPTS).args(ONE_VIEW).args(quick).arg("-vv");
@@ -390,9 +416,12 @@ fn the_key_is_in_no_file_and_no_word() {
 
 const ONE_VIEW: &[&str] = &["--view-list", "003"];
 
-/// The hammer without recordings.
+/// The hammer without recordings, one view of which has its segments.
 fn one_view() -> tempfile::TempDir {
+    static SEGMENTS: OnceLock<Vec<(PathBuf, Vec<u8>)>> = OnceLock::new();
     let scene = hammer();
     fs::remove_dir_all(scene.path().join("recorded")).unwrap();
+    let work = scene.path().join("gprop");
+    give(SEGMENTS.get_or_init(|| segments_of(scene.path(), &work, ONE_VIEW)), &work);
     scene
 }

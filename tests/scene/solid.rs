@@ -114,7 +114,7 @@ fn box_with_a_hole() {
 
 #[test]
 fn nested_spheres_that_face_each_other_hold_a_void() {
-    let mesh = joined(&[sphere([0.0; 3], 1.0, 80), reversed(sphere([0.2, 0.0, 0.0], 0.5, 80))]);
+    let mesh = joined(&[sphere([0.0; 3], 1.0, 48), reversed(sphere([0.2, 0.0, 0.0], 0.5, 48))]);
     let solid = measured(&mesh, ROUNDING);
     assert_exact(&solid);
     assert_eq!(solid.kind, Kind::Solid);
@@ -130,7 +130,7 @@ fn nested_spheres_that_face_each_other_hold_a_void() {
 
 #[test]
 fn nested_spheres_that_face_alike_are_in_doubt() {
-    let solid = measured(&joined(&[sphere([0.0; 3], 1.0, 80), sphere([0.2, 0.0, 0.0], 0.5, 80)]), ROUNDING);
+    let solid = measured(&joined(&[sphere([0.0; 3], 1.0, 48), sphere([0.2, 0.0, 0.0], 0.5, 48)]), ROUNDING);
     assert_eq!(solid.doubts, [Doubt::NestedAlike { components: 1 }]);
     let [outer, inner] = [1.0, 0.125].map(|cube| 4.0 / 3.0 * PI * cube);
     assert!(is_near(solid.volume.low, outer - inner, CLOSED_FORM), "{:?}", solid.volume);
@@ -140,8 +140,8 @@ fn nested_spheres_that_face_alike_are_in_doubt() {
 
 #[test]
 fn nested_spheres_close_to_each_other_are_a_wall() {
-    let outer = sphere([0.0; 3], 1.0, 80);
-    for inner in [sphere([0.0; 3], 0.95, 80), reversed(sphere([0.0; 3], 0.95, 80))] {
+    let outer = sphere([0.0; 3], 1.0, 48);
+    for inner in [sphere([0.0; 3], 0.95, 48), reversed(sphere([0.0; 3], 0.95, 48))] {
         let solid = measured(&joined(&[outer.clone(), inner]), ROUNDING);
         let Kind::Wall { thickness } = solid.kind else { panic!("{:?}", solid.kind) };
         assert!(is_near(thickness.mid, 0.05, 0.02), "{thickness:?}");
