@@ -38,12 +38,16 @@ fn error(volume: Estimate, truth: f64) -> f64 {
 /// The share of each pixel that the true object covers: the distance to it is known, so a ray walks by it.
 fn photo(camera: &Camera, distance: impl Fn(Point3<f64>) -> f64) -> GrayImage {
     const SAMPLES: u32 = 3;
+    /// Of a ball around the origin that holds every object.
+    const RADIUS: f64 = 0.9;
     let (of, eye) = (camera.intrinsics, camera.center_in_world());
     let hits = |x: f64, y: f64| {
         let sight = Vector3::new((x - of.cx) / of.fx, (y - of.cy) / of.fy, 1.0).normalize();
         let sight = camera.camera_from_world.rotation.inverse() * sight;
-        let mut along = 0.0;
-        while along < 6.0 {
+        let nearest = -eye.coords.dot(&sight);
+        let half = (RADIUS * RADIUS - eye.coords.norm_squared() + nearest * nearest).max(0.0).sqrt();
+        let mut along = nearest - half;
+        while along < nearest + half {
             let left = distance(eye + sight * along);
             if left < 1e-3 {
                 return true;

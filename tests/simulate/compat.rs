@@ -1,3 +1,5 @@
+use std::io::{Cursor, Read, Write};
+
 use gprop::evaluate::{filling, simulation};
 use gprop::files::npz::Npz;
 use gprop::gaussians::Gaussians;
@@ -14,6 +16,8 @@ use gprop::units::Estimate;
 use gprop::vote::FieldLabel;
 use gprop::words::progress::Progress;
 use nalgebra::Vector3;
+use zip::write::SimpleFileOptions;
+use zip::{ZipArchive, ZipWriter};
 
 use crate::support::{changed, shared};
 
@@ -23,11 +27,42 @@ fn reference(test: &str, name: &str) -> Option<Npz> {
     Some(Npz::new(std::fs::read(path).unwrap()).unwrap())
 }
 
-/// One law each; all ten trajectories take minutes and go through `gprop evaluate simulation`.
+/// The reference cut to the first 13 of its 21 frames: its meta data, and every array with a row per frame.
+fn begun(test: &str, name: &str) -> Option<Npz> {
+    let whole = std::fs::read(shared(test, &format!("reference/mpm/{name}"))?).unwrap();
+    let (mut whole, mut cut) = (ZipArchive::new(Cursor::new(whole)).unwrap(), ZipWriter::new(Cursor::new(Vec::new())));
+    for n in 0..whole.len() {
+        let mut file = whole.by_index(n).unwrap();
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).unwrap();
+        // NumPy has a text as 32-bit characters.
+        let text = |text: &str| text.bytes().flat_map(|byte| [byte, 0, 0, 0]).collect::<Vec<u8>>();
+        replace(&mut bytes, &text("\"n_frames\": 20"), &text("\"n_frames\": 12"));
+        let first_row = 10 + usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+        if replace(&mut bytes[..first_row], b"'shape': (21,", b"'shape': (13,") {
+            bytes.truncate(first_row + (bytes.len() - first_row) / 21 * 13);
+        }
+        cut.start_file(file.name().unwrap(), SimpleFileOptions::default()).unwrap();
+        cut.write_all(&bytes).unwrap();
+    }
+    Some(Npz::new(cut.finish().unwrap().into_inner()).unwrap())
+}
+
+/// Replaces the first occurrence of `from` with as many bytes, if there is one.
+fn replace(bytes: &mut [u8], from: &[u8], to: &[u8]) -> bool {
+    let place = bytes.windows(from.len()).position(|window| window == from);
+    if let Some(place) = place {
+        bytes[place..place + to.len()].copy_from_slice(to);
+    }
+    place.is_some()
+}
+
+/// One law each, until the cubes have hit the ground and yielded; all ten whole trajectories take minutes and go through
+/// `gprop evaluate simulation`.
 #[test]
 fn reproduces_the_peers_trajectories() {
     for name in ["spin5k_g48_apic.npz", "drop_cube10k_g48_sand.npz", "drop_cube10k_g48_metal.npz"] {
-        if let Some(mut npz) = reference("reproduces_the_peers_trajectories", name) {
+        if let Some(mut npz) = begun("reproduces_the_peers_trajectories", name) {
             let comparison = simulation::compare(&mut npz, Progress::Hidden).unwrap();
             assert!(comparison.within(), "{name}: {comparison}");
         }
