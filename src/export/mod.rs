@@ -414,6 +414,7 @@ impl Shared<'_> {
         let collider_of = |collider: &Collider| BodyCollider {
             shape: collider.clone(),
             friction: self.model.friction(label_of(labels, collider.part)),
+            restitution: restitution(label_of(labels, collider.part)),
         };
         Ok((!shape.colliders.is_empty()).then(|| Body {
             name: body_name(self.model.name),
@@ -504,6 +505,12 @@ impl Rigid<'_> {
         of_colliders.fold(f64::INFINITY, f64::min)
     }
 
+    /// The least restitution of all colliders; of all parts, if there are no colliders.
+    fn least_restitution(&self) -> Option<f64> {
+        let of_colliders = self.colliders.iter().filter_map(|collider| restitution(self.label(collider)));
+        of_colliders.reduce(f64::min).or_else(|| self.labels.iter().filter_map(restitution).reduce(f64::min))
+    }
+
     /// The corners of the box around the colliders, m; around the skin, if there are none.
     fn extent(&self) -> (Point3<f64>, Point3<f64>) {
         let of_skin = self.skin.mesh.vertices.iter().filter(|_| self.colliders.is_empty());
@@ -538,6 +545,22 @@ fn friction(label: &FieldLabel, on_steel: Option<&MaterialLibrary>) -> f64 {
         None => label.friction_rubber.mid,
         Some(library) => library.get(&label.material).map_or(f64::NAN, |material| material.friction_steel.mid()),
     }
+}
+
+/// The coefficient of restitution of a part on a hard surface, if the library says it.
+fn restitution(label: &FieldLabel) -> Option<f64> {
+    label.restitution.map(|estimate| estimate.mid)
+}
+
+/// A physics material of `KHR_physics_rigid_bodies`. Of two materials that touch, the larger restitution counts, since that of
+/// a hard floor is not known to the file.
+fn gltf_physics_material(friction: f64, restitution: Option<f64>) -> Value {
+    let mut material = json!({ "staticFriction": friction, "dynamicFriction": friction });
+    if let Some(restitution) = restitution {
+        material["restitution"] = json!(restitution);
+        material["restitutionCombine"] = json!("maximum");
+    }
+    material
 }
 
 /// Places to grasp at, relative to an origin.
@@ -581,6 +604,7 @@ fn part_facts(model: &Model, part: u32) -> Value {
         "mass_kg": weighed.as_ref().and_then(|part| part.mass_kg).map(|mass| mass.mid),
         "volume_m3": weighed.as_ref().and_then(|part| part.volume_m3).map(|volume| volume.mid),
         "friction_rubber": label.friction_rubber.mid,
+        "restitution": restitution(label),
         "youngs_modulus_pa": label.youngs_modulus_pa.mid,
     })
 }

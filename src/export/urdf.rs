@@ -3,7 +3,8 @@
 //! `meshes/`: the skin with its picture, and the convex colliders.
 //!
 //! URDF itself has no friction. It is written in the three ways that readers understand: per collider for Drake, and per
-//! link for PyBullet and for Gazebo, which get the lowest friction of all parts. URDF has no soft contacts either.
+//! link for PyBullet and for Gazebo, which get the lowest friction of all parts. PyBullet alone reads a restitution. URDF has no
+//! soft contacts either.
 
 use std::fmt::Write;
 
@@ -36,6 +37,9 @@ fn text(rigid: &Rigid) -> String {
         );
     }
     let least = rigid.least_friction();
+    let bounce = rigid
+        .least_restitution()
+        .map_or_else(String::new, |least| format!(r#"<restitution value="{least}"/>"#));
     let skin = || format!(r#"<mesh filename="meshes/{}_skin.obj"/>"#, rigid.name);
     let own_geometry =
         |mesh: &OwnMesh| format!(r#"<mesh filename="{}" scale="{}"/>"#, escaped(&mesh.file), spaced(mesh.scale));
@@ -46,7 +50,7 @@ fn text(rigid: &Rigid) -> String {
   <link name="{name}_root">{GRAIN}</link>
   <joint name="{name}_free" type="floating">{at}<parent link="{name}_root"/><child link="{name}"/></joint>
   <link name="{name}">
-    <contact><lateral_friction value="{least}"/></contact>
+    <contact><lateral_friction value="{least}"/>{bounce}</contact>
     <inertial>
       <origin xyz="{center}" rpy="0 0 0"/>
       <mass value="{mass}"/>

@@ -26,6 +26,8 @@ pub struct Card {
     pub strength_kind: StrengthKind,
     pub friction_rubber: Range,
     pub friction_steel: Range,
+    /// That of its family, on a hard surface; `null` if a user's family does not say.
+    pub restitution: Option<Range>,
     pub hardness: Option<ShoreHardness>,
     pub law: Law,
     pub labels: Labels,
@@ -48,7 +50,8 @@ pub struct Listed {
 pub fn show(library: &MaterialLibrary, name: &str) -> Option<Card> {
     let (material, match_score) = library.nearest(name)?;
     let mut sources = serde_json::Map::new();
-    for (property, citations) in material.sources.by_property() {
+    let of_family = library.family(&material.family).map_or(&[][..], |family| &family.restitution_sources);
+    for (property, citations) in material.sources.by_property().into_iter().chain([("restitution", of_family)]) {
         sources.insert(property.to_owned(), citations.iter().map(|one| cited(library, one)).collect());
     }
     Some(Card {
@@ -63,6 +66,7 @@ pub fn show(library: &MaterialLibrary, name: &str) -> Option<Card> {
         strength_kind: material.strength_kind,
         friction_rubber: material.friction_rubber,
         friction_steel: material.friction_steel,
+        restitution: material.restitution,
         hardness: material.hardness,
         law: material.law,
         labels: material.labels.clone(),
@@ -120,6 +124,9 @@ pub fn show_text(library: &MaterialLibrary, name: &str) -> Option<String> {
     line("strength", format!("{} ({})", stress(material.strength_pa), material.strength_kind));
     line("friction on rubber", span(material.friction_rubber, ""));
     line("friction on steel", span(material.friction_steel, ""));
+    if let Some(restitution) = material.restitution {
+        line("restitution", format!("{} (of its family)", span(restitution, "")));
+    }
     line(
         "hardness",
         material.hardness.map_or("none".to_owned(), |one| span(one.range, &format!("Shore {:?}", one.scale))),

@@ -258,7 +258,7 @@ impl MaterialLibrary {
         let mut added = Vec::with_capacity(tables.materials.len());
         for placed in tables.materials {
             let family = self.family_of(&placed, &families)?;
-            let material = Material { family, ..placed.row };
+            let material = Material { family: family.name.clone(), restitution: family.restitution, ..placed.row };
             match known.get(&fold(&material.name)) {
                 Some(&row) => {
                     self.materials[row] = material;
@@ -296,11 +296,11 @@ impl MaterialLibrary {
         }
     }
 
-    /// The name of a material's family, as the library spells it; `families` are the rows by folded name.
-    fn family_of(&self, placed: &Placed<Material>, families: &HashMap<String, usize>) -> Result<String, LibraryError> {
+    /// A material's family; `families` are the rows by folded name.
+    fn family_of(&self, placed: &Placed<Material>, families: &HashMap<String, usize>) -> Result<&Family, LibraryError> {
         let family = &placed.row.family;
         if let Some(&row) = families.get(&fold(family)) {
-            return Ok(self.families[row].name.clone());
+            return Ok(&self.families[row]);
         }
         let known: Vec<&str> = self.families.iter().map(|known| known.name.as_str()).collect();
         Err(placed.bad_key(family, format!("is not a family; write one of {}", known.join(", "))))

@@ -44,6 +44,8 @@ pub struct Material {
     pub friction_rubber: Range,
     /// Coulomb friction, static and dry, against smooth steel.
     pub friction_steel: Range,
+    /// That of its family.
+    pub restitution: Option<Range>,
     /// `None` if Shore hardness does not apply.
     pub hardness: Option<ShoreHardness>,
     pub law: Law,
@@ -161,6 +163,11 @@ pub struct Family {
     pub strength_meaning: String,
     pub friction_rubber: Range,
     pub friction_steel: Range,
+    /// Coefficient of restitution: the speed after an impact on a hard surface at 1 to 3 m/s by that before it, both along
+    /// the normal. `None` if a user's table does not say.
+    pub restitution: Option<Range>,
+    /// Of the restitution.
+    pub restitution_sources: Vec<String>,
     /// The softest and the hardest reading.
     pub hardness: [ShoreReading; 2],
     /// The law of a member about which nothing more is known.

@@ -162,6 +162,7 @@ mod tests {
             yield_strength_pa: Estimate::exactly(4e7),
             hardness: Some(ShoreHardness { scale: ShoreScale::D, range }),
             friction_rubber: Estimate::exactly(0.5),
+            restitution: None,
             form: Form::Solid,
             inside: None,
             bulk_reason: None,

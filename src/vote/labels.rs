@@ -7,7 +7,7 @@ use super::identity::Identity;
 use super::tally::PartMaterial;
 use crate::materials::MaterialLibrary;
 use crate::query::{Answer, Form};
-use crate::units::{Range, ShoreHardness};
+use crate::units::{Estimate, Range, ShoreHardness};
 
 /// The label with this `id` for `choice`: from the answers for this material about this 3D part, never from those for
 /// another material. The caption is that of the answer with most weight.
@@ -29,6 +29,7 @@ pub(super) fn agreed(id: u32, answers: &[&Answer], library: &MaterialLibrary) ->
     let form = form(answers);
     let is_mixed = |answer: &Answer| answer.form == Form::Mixed;
     let same_density = answers.iter().filter(|answer| is_mixed(answer) == (form == Form::Mixed));
+    let material = library.get(&first.material).expect("answers were checked against the library");
     let estimate = |property: fn(&Answer) -> Range| middle_and_hull(answers.iter().map(|answer| property(answer)));
     FieldLabel {
         id,
@@ -41,10 +42,11 @@ pub(super) fn agreed(id: u32, answers: &[&Answer], library: &MaterialLibrary) ->
         yield_strength_pa: estimate(|answer| answer.yield_strength_pa),
         hardness: hardness(answers),
         friction_rubber: estimate(|answer| answer.friction_rubber),
+        restitution: material.restitution.map(Estimate::from),
         inside: contents(form, answers, library),
         bulk_reason: answers.iter().filter(|_| form == Form::Mixed).find_map(|answer| answer.bulk_reason.clone()),
         form,
-        law: library.get(&first.material).expect("answers were checked against the library").law,
+        law: material.law,
         corrected: None,
     }
 }

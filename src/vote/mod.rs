@@ -152,6 +152,9 @@ pub struct FieldLabel {
     pub yield_strength_pa: Estimate,
     pub hardness: Option<ShoreHardness>,
     pub friction_rubber: Estimate,
+    /// Coefficient of restitution on a hard surface, of the family; `None` if a user's family does not say.
+    #[serde(default)]
+    pub restitution: Option<Estimate>,
     pub form: Form,
     /// The contents of a shell; `None` for everything else.
     #[serde(default)]
@@ -188,6 +191,7 @@ impl FieldLabel {
             yield_strength_pa: material.strength_pa.into(),
             hardness: material.hardness,
             friction_rubber: material.friction_rubber.into(),
+            restitution: material.restitution.map(Estimate::from),
             form: Form::Solid,
             inside: None,
             bulk_reason: None,

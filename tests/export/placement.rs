@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gprop::export::{Format, Model, Origin, export};
 use gprop::materials::MaterialLibrary;
+use gprop::units::Estimate;
 use nalgebra::{Point3, Vector3};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -141,4 +142,37 @@ fn on_steel_frictions_are_those_of_the_library() {
     }
     let on_rubber = exported(&super::model(measured), &[Format::Mjcf]);
     assert_ne!(std::fs::read_to_string(on_rubber.path().join("hammer.xml")).unwrap(), text);
+}
+
+/// Each part's own where a format has it by collider or material; the least where it has one for the whole body.
+#[test]
+fn restitutions_are_stated_where_a_format_has_them() {
+    let measured = Measured::of(&folders()[0]);
+    let mut field = measured.field.clone();
+    for (label, restitution) in field.labels.iter_mut().zip([0.45, 0.25]) {
+        label.restitution = Some(Estimate::exactly(restitution));
+    }
+    let model = Model { field: &field, ..super::model(measured) };
+    let folder = exported(&model, &[Format::Sdf, Format::Urdf, Format::Usda]);
+    let text = |path: &str| std::fs::read_to_string(folder.path().join(path)).unwrap();
+    let (sdf, usd) = (text("hammer.sdf"), text("hammer.usda"));
+    for label in &field.labels {
+        let stated = label.restitution.unwrap().mid;
+        let bounce = format!("<restitution_coefficient>{stated}</restitution_coefficient><threshold>0.01</threshold>");
+        assert!(sdf.contains(&bounce), "{bounce} is not in {sdf}");
+        assert!(usd.contains(&format!("float physics:restitution = {stated}\n")), "{stated} is not in {usd}");
+    }
+    if python_has("restitutions_are_stated_where_a_format_has_them", "pybullet", "pybullet") {
+        let found = &super::python("pybullet_check.py", &[&folder.path().join("hammer.urdf")])[0];
+        let links = found["links"].as_array().unwrap();
+        let of_body = links.iter().find(|link| link["name"] == "hammer").unwrap();
+        assert!((of_body["restitution"].as_f64().unwrap() - 0.25).abs() < 1e-6, "{found}");
+    }
+    // A library that says nothing leaves it to the engine.
+    field.labels.iter_mut().for_each(|label| label.restitution = None);
+    let silent = exported(&Model { field: &field, ..super::model(measured) }, &[Format::Sdf, Format::Urdf]);
+    for file in ["hammer.sdf", "hammer.urdf"] {
+        let text = std::fs::read_to_string(silent.path().join(file)).unwrap();
+        assert!(!text.contains("restitution"), "{text}");
+    }
 }

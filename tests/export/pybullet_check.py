@@ -1,6 +1,6 @@
 """Loads URDFs or worlds in PyBullet and prints what it finds of each as a list in JSON.
 
-pybullet_check.py URDF...    per link, with the base first: mass, centre, inertia, friction, what is shown and what collides
+pybullet_check.py URDF...    per link, with the base first: mass, centre, inertia, friction, restitution, what is shown and what collides
 pybullet_check.py SDF...     per body that moves: mass, friction, place, and how far it is moved and turned 2 s later
 """
 
@@ -64,7 +64,7 @@ def moved(body, before, after):
 
 
 def link_of(body, link, shown):
-    mass, friction, inertia, center = pybullet.getDynamicsInfo(body, link)[:4]
+    mass, friction, inertia, center, _, restitution = pybullet.getDynamicsInfo(body, link)[:6]
     low, high = pybullet.getAABB(body, link)
     meshes = [shape for shape in shown if shape[1] == link and shape[2] == pybullet.GEOM_MESH]
     names = pybullet.getBodyInfo(body)[0] if link == BASE else pybullet.getJointInfo(body, link)[12]
@@ -74,6 +74,7 @@ def link_of(body, link, shown):
         "center_of_mass_m": center,
         "principal_inertia_kg_m2": inertia,
         "friction": friction,
+        "restitution": restitution,
         "shown": [{"file": os.path.basename(shape[4].decode()), "scale": shape[3]} for shape in meshes],
         "colliders": len(pybullet.getCollisionShapeData(body, link)),
         "collider_size_m": [b - a for a, b in zip(low, high)],

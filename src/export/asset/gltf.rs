@@ -14,7 +14,7 @@ use nalgebra::{Matrix3, Matrix4, Point3};
 use serde_json::{Value, json};
 
 use super::super::gltf::{Added, Behind, Gltf};
-use super::super::{ExportError, Files, Shared, body_name, label_of};
+use super::super::{ExportError, Files, Shared, body_name, gltf_physics_material, label_of, restitution};
 use super::facts::{Facts, FileFrame};
 use super::labels::SurfaceLabels;
 use super::{Asset, Colliders};
@@ -131,8 +131,8 @@ impl<'a> Editor<'a> {
         self.nodes - 1
     }
 
-    fn add_physics_material(&mut self, friction: f64) -> usize {
-        let material = json!({ "staticFriction": friction, "dynamicFriction": friction });
+    fn add_physics_material(&mut self, friction: f64, restitution: Option<f64>) -> usize {
+        let material = gltf_physics_material(friction, restitution);
         self.patch.member("extensions").member(EXTENSION).member("physicsMaterials").add(material);
         self.physics_materials += 1;
         self.physics_materials - 1
@@ -194,7 +194,7 @@ impl<'a> Editor<'a> {
         if wanted == Colliders::Make {
             own.iter().for_each(|node| *self.physics_of(*node).member("collider") = Patch::Remove);
         } else if !own.is_empty() {
-            let material = self.add_physics_material(self.filled.facts.friction_rubber);
+            let material = self.add_physics_material(self.filled.facts.friction_rubber, self.filled.facts.restitution);
             own.iter().for_each(|node| {
                 self.physics_of(*node).member("collider").member("physicsMaterial").set(material);
             });
@@ -224,10 +224,10 @@ impl<'a> Editor<'a> {
             let name = collider.name();
             // A node of no scene, so that the hull is not drawn.
             let shape = self.add_node(json!({ "name": format!("{name} hull"), "mesh": self.meshes - 1 }));
-            let friction = shared.model.friction(label_of(&shared.model.field.labels, collider.part));
+            let label = label_of(&shared.model.field.labels, collider.part);
             let material = match material_of.get(&collider.part) {
                 Some(material) => *material,
-                None => self.add_physics_material(friction),
+                None => self.add_physics_material(shared.model.friction(label), restitution(label)),
             };
             material_of.insert(collider.part, material);
             let geometry = json!({ "node": shape, "convexHull": true });

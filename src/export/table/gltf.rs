@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::super::gltf::Gltf;
 use super::super::gltf_splat;
 use super::super::placement::Axes;
-use super::super::{ExportError, Files, identifier};
+use super::super::{ExportError, Files, gltf_physics_material, identifier};
 use super::{Body, BodyCollider, Square, Table};
 use crate::files::json_patch::Patch;
 use crate::files::{json as strict_json, read_large};
@@ -94,10 +94,10 @@ impl Scene {
     }
 
     /// A node that collides as the hull of a mesh that is not drawn.
-    fn add_collider(&mut self, BodyCollider { shape, friction }: &BodyCollider) -> usize {
+    fn add_collider(&mut self, BodyCollider { shape, friction, restitution }: &BodyCollider) -> usize {
         let mesh = self.add_mesh(&shape.vertices, &shape.triangles, &json!({}));
         let hull = self.gltf.node(json!({ "name": format!("{} hull", shape.name()), "mesh": mesh }));
-        let material = json!({ "staticFriction": friction, "dynamicFriction": friction });
+        let material = gltf_physics_material(*friction, *restitution);
         let index = self.materials.iter().position(|known| *known == material).unwrap_or_else(|| {
             self.materials.push(material);
             self.materials.len() - 1

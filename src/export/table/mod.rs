@@ -66,6 +66,7 @@ pub struct Body {
 pub struct BodyCollider {
     pub(super) shape: Collider,
     pub(super) friction: f64,
+    pub(super) restitution: Option<f64>,
 }
 
 impl Table<'_> {

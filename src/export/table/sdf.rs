@@ -9,6 +9,9 @@ use super::super::{ExportError, Files, spaced};
 use super::{Body, BodyCollider, Table};
 use crate::units::GRAVITY_M_S2;
 
+/// Slower impacts do not rebound. The format's own default, 1e5 m/s, would let none rebound.
+const BOUNCE_THRESHOLD_M_S: f64 = 0.01;
+
 pub fn write(table: &Table, files: &mut Files) -> Result<(), ExportError> {
     let text = text(table);
     files.write("scene.sdf", |out| out.write_all(text.as_bytes()))
@@ -82,13 +85,18 @@ pub fn write_body(text: &mut String, body: &Body) {
         place = spaced(place_m.iter().copied()),
         center = spaced(*center_m),
     );
-    for BodyCollider { shape, friction } in colliders {
+    for BodyCollider { shape, friction, restitution } in colliders {
         let collider = shape.name();
+        let bounce = restitution.map_or_else(String::new, |restitution| {
+            format!(
+                "<bounce><restitution_coefficient>{restitution}</restitution_coefficient><threshold>{BOUNCE_THRESHOLD_M_S}</threshold></bounce>"
+            )
+        });
         let _ = write!(
             text,
             r#"        <collision name="{collider}">
           <geometry><mesh><uri>meshes/{name}_{collider}.obj</uri><drake:declare_convex/></mesh></geometry>
-          <surface><friction><ode><mu>{friction}</mu><mu2>{friction}</mu2></ode></friction></surface>
+          <surface>{bounce}<friction><ode><mu>{friction}</mu><mu2>{friction}</mu2></ode></friction></surface>
         </collision>
 "#
         );

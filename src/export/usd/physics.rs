@@ -6,7 +6,7 @@ use std::fmt::Write;
 use nalgebra::Matrix3;
 
 use super::text::{quoted, triple};
-use crate::export::{Rigid, friction};
+use crate::export::{Rigid, friction, restitution};
 use crate::numeric::principal_axes;
 use crate::vote::FieldLabel;
 
@@ -41,6 +41,8 @@ pub fn write_materials(text: &mut String, rigid: &Rigid) {
 fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldLabel) {
     let name = &rigid.name;
     let path = format!("/{name}/materials/part{}", label.id);
+    let bounce = restitution(label)
+        .map_or_else(String::new, |restitution| format!("\n            float physics:restitution = {restitution}"));
     let _ = write!(
         text,
         r#"        def Material "part{id}" (
@@ -49,7 +51,7 @@ fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldLabel) {
         )
         {{
             float physics:density = {density}
-            float physics:dynamicFriction = {friction}
+            float physics:dynamicFriction = {friction}{bounce}
             float physics:staticFriction = {friction}
             token[] semantics:labels:material = [{family}, {material}]
             token outputs:surface.connect = <{path}/surface.outputs:surface>

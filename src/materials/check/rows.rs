@@ -20,6 +20,9 @@ pub fn check(library: &MaterialLibrary, findings: &mut Findings) {
             });
         }
     }
+    for family in library.families() {
+        known.require_all(&family.name, "restitution", &family.restitution_sources, findings);
+    }
     for material in library.materials() {
         ranges(material, findings);
         widths(material, findings);
@@ -218,6 +221,20 @@ struct Known<'a> {
     references: HashSet<&'a str>,
     evidence: HashMap<(&'a str, &'a str), &'a Evidence>,
     rules: HashMap<&'a str, &'a Rule>,
+}
+
+impl Known<'_> {
+    /// Finds citations of references, and of entries of references, that do not exist.
+    fn require_all(&self, of: &str, property: &str, citations: &[String], findings: &mut Findings) {
+        for citation in citations.iter().filter(|citation| !UNCITED.contains(&citation.as_str())) {
+            let (source, entry) = split_citation(citation);
+            let exists = self.references.contains(source)
+                && entry.is_none_or(|entry| self.evidence.contains_key(&(source, entry)));
+            findings.require(exists, of, "source", || {
+                format!("{property} cites `{citation}`, which bibliography.csv and evidence.csv do not have")
+            });
+        }
+    }
 }
 
 fn sources(material: &Material, known: &Known, findings: &mut Findings) {

@@ -120,6 +120,8 @@ const FAMILY_COLUMNS: [&str; 8] = [
     "law",
     "law_parameters",
 ];
+/// Columns of a family that a user's table may leave out, like those of the labels.
+const RESTITUTION_COLUMNS: [&str; 3] = ["restitution_low", "restitution_high", "restitution_source"];
 /// Columns of a material besides its ranges.
 const MATERIAL_COLUMNS: [&str; 9] = [
     "family",
@@ -154,7 +156,7 @@ pub fn read_tables(files: &[Table]) -> Result<Tables, LibraryError> {
     for file in files {
         let stem = Path::new(file.name).file_stem().unwrap_or_default();
         match stem.to_str().unwrap_or_default() {
-            "families" => tables.families.extend(rows(file, &mut left, &family_columns, &[], family)?),
+            "families" => tables.families.extend(rows(file, &mut left, &family_columns, &RESTITUTION_COLUMNS, family)?),
             "bibliography" => tables.references.extend(rows(file, &mut left, &REFERENCE_COLUMNS, &[], reference)?),
             "evidence" => tables.evidence.extend(rows(file, &mut left, &EVIDENCE_COLUMNS, &[], evidence)?),
             "rules" => tables.rules.extend(rows(file, &mut left, &RULE_COLUMNS, &[], rule)?),
@@ -198,6 +200,7 @@ fn material(row: &Row) -> Result<Placed<Material>, LibraryError> {
         strength_kind: row.variant("strength_kind", "a kind of strength")?,
         friction_rubber: row.range("friction_rubber", 0.0..=5.0)?,
         friction_steel: row.range("friction_steel", 0.0..=5.0)?,
+        restitution: None,
         hardness: hardness(row)?,
         law: law(row)?,
         labels: row.labels()?,
@@ -231,6 +234,8 @@ fn family(row: &Row) -> Result<Placed<Family>, LibraryError> {
         let column = format!("hardness_{end}");
         Ok(ShoreReading { scale: row.scale(&format!("{column}_scale"))?, value: row.number_within(&column, &SHORE)? })
     };
+    let is_said = RESTITUTION_COLUMNS.iter().any(|column| !row.text(column).is_empty());
+    let restitution = is_said.then(|| row.range("restitution", 0.0..=1.0)).transpose()?;
     let family = Family {
         name: row.name("family")?,
         density_kg_m3: row.range("density_kg_m3", LEAST..=1e5)?,
@@ -240,6 +245,8 @@ fn family(row: &Row) -> Result<Placed<Family>, LibraryError> {
         strength_meaning: row.filled("strength_meaning")?,
         friction_rubber: row.range("friction_rubber", 0.0..=5.0)?,
         friction_steel: row.range("friction_steel", 0.0..=5.0)?,
+        restitution,
+        restitution_sources: if restitution.is_some() { row.sources("restitution_source") } else { vec![] },
         hardness: [reading("low")?, reading("high")?],
         law: law(row)?,
         labels: row.labels()?,

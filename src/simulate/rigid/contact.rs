@@ -3,8 +3,8 @@
 //! The body may touch the ground with the points of its surface that are outermost in some direction. Those that would
 //! pass through the plane within the step get impulses that make them end on it: j_n >= 0, and Coulomb friction
 //! |j_t| <= mu j_n against the remaining slip. The impulses are found by projected Gauss-Seidel iteration (Moreau 1988;
-//! Catto, *Iterative Dynamics with Temporal Coherence*, 2005). Nothing rebounds, because no part's restitution is
-//! known; and nothing sinks, because the constraint is on the gap at the end of the step.
+//! Catto, *Iterative Dynamics with Temporal Coherence*, 2005). Nothing rebounds, because how much an object
+//! does depends on where it lands and how it rings, which is not known; and nothing sinks, because the constraint is on the gap at the end of the step.
 //!
 //! The pressure of an impact cannot be read from such impulses, which have no duration. It is that of a flat punch of
 //! the contact's area A on an elastic half space (Johnson, *Contact Mechanics*, 1985, section 3.4): stiffness k = 2 a E
