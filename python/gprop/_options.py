@@ -157,6 +157,7 @@ class ExportOptions(StageOptions, total=False):
     samples: Annotated[int, "Samples of the format `belief` [default: 32]"]
     origin: Annotated[Literal["input", "base", "com"], "Origin of the object's own axes, for simulators and glTF [default: input] [possible values: input, base, com]"]
     at: Annotated[str | float, "Where these axes are by default, in metres: so exports that are loaded together stand side by side [default: 0,0,0]"]
+    floating: Annotated[bool, "Hang a URDF's object on a floating joint, for readers that fix a root to the world (MuJoCo); --at does so too"]
     friction: Annotated[Literal["rubber", "steel"], "Surface with which the frictions are [default: rubber] [possible values: rubber, steel]"]
     work: Annotated[Path, "Work folder [default: SCENE/gprop]"]
 

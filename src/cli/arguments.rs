@@ -273,6 +273,9 @@ pub struct ExportArgs {
     /// Where these axes are by default, in metres: so exports that are loaded together stand side by side.
     #[arg(long, value_name = "X,Y,Z", value_parser = grasp::options::point, allow_hyphen_values = true, default_value = "0,0,0")]
     pub at: [f64; 3],
+    /// Hang a URDF's object on a floating joint, for readers that fix a root to the world (MuJoCo); --at does so too.
+    #[arg(long)]
+    pub floating: bool,
     /// Surface with which the frictions are.
     #[arg(long, value_enum, default_value_t)]
     pub friction: export::Counterface,

@@ -168,6 +168,7 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
         samples: args.samples as usize,
         origin: args.origin,
         at: args.at,
+        floating: args.floating,
         friction: args.friction,
     };
     let export::Exported { files, body } = pipeline::export::export(&mut pipeline, &wanted, &args.out)?;

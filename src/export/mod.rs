@@ -63,7 +63,7 @@ pub use table::{Body, Table, compose};
 pub enum Format {
     /// MuJoCo: a free body with mass, inertia, visual mesh, convex geoms, friction; a scene with a floor
     Mjcf,
-    /// Robot description: a link on a floating joint, visual mesh, convex meshes, friction
+    /// Robot description: one link, visual mesh, convex meshes, friction
     Urdf,
     /// SDFormat, for Gazebo: a model of one link, visual mesh, convex meshes, friction of each part
     Sdf,
@@ -144,6 +144,8 @@ pub struct Model<'a> {
     pub origin: Origin,
     /// Where the object stands by default, m.
     pub at: Vector3<f64>,
+    /// Whether a URDF's object hangs on a floating joint. It does too if it stands elsewhere by default: a root has no pose.
+    pub floating: bool,
     /// Name of the file that holds the splat.
     pub source: &'a str,
     /// The files that the scene was read from, which no export replaces.
@@ -445,6 +447,7 @@ impl Shared<'_> {
             source: self.model.source,
             note_on_scale: self.model.note_on_scale(),
             own_mesh: None,
+            floating: self.model.floating || self.model.at != Vector3::zeros(),
             placement,
         })
     }
@@ -470,6 +473,8 @@ struct Rigid<'a> {
     source: &'a str,
     note_on_scale: Option<&'static str>,
     placement: Placement,
+    /// Whether it hangs on a floating joint in a URDF.
+    floating: bool,
     /// The mesh that URDF shows instead of the skin.
     own_mesh: Option<OwnMesh>,
 }

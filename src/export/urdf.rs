@@ -1,6 +1,7 @@
-//! URDF: one link on a floating joint to a grain. MuJoCo welds a root link to the world, and it loses its mass; PyBullet knows no
-//! floating joint and fixes the link to its root, which moves if it has a mass and is not called "world". Meshes are OBJ files in
-//! `meshes/`: the skin with its picture, and the convex colliders.
+//! URDF: one link, which is free in PyBullet, Drake and Gazebo. MuJoCo welds a root link to the world, and it loses its mass; so the
+//! link can hang on a floating joint to a grain. PyBullet, which knows no floating joint, fixes the link to the grain, which
+//! moves, since it has a mass and is not called "world". Meshes are OBJ files in `meshes/`: the skin with its picture, and the
+//! convex colliders.
 //!
 //! URDF itself has no friction. It is written in the three ways that readers understand: per collider for Drake, and per
 //! link for PyBullet and for Gazebo, which get the lowest friction of all parts. PyBullet alone reads a restitution. URDF has no
@@ -18,6 +19,19 @@ const GRAIN: &str = r#"<inertial><origin xyz="0 0 0"/><mass value="1e-6"/><inert
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.urdf", rigid.name), |out| out.write_all(text(rigid).as_bytes()))?;
     obj::write_meshes(rigid, files)
+}
+
+/// The grain and the joint on which the link hangs.
+fn root(rigid: &Rigid) -> String {
+    let (name, at) = (&rigid.name, rigid.placement.at);
+    let origin = (at != Vector3::zeros())
+        .then(|| format!(r#"<origin xyz="{}" rpy="0 0 0"/>"#, spaced(at.iter().copied())))
+        .unwrap_or_default();
+    format!(
+        r#"  <link name="{name}_root">{GRAIN}</link>
+  <joint name="{name}_free" type="floating">{origin}<parent link="{name}_root"/><child link="{name}"/></joint>
+"#
+    )
 }
 
 fn text(rigid: &Rigid) -> String {
@@ -47,9 +61,7 @@ fn text(rigid: &Rigid) -> String {
     format!(
         r#"{note}<robot name="{name}" xmlns:drake="http://drake.mit.edu">
   <mujoco><compiler strippath="false" discardvisual="false"/></mujoco>
-  <link name="{name}_root">{GRAIN}</link>
-  <joint name="{name}_free" type="floating">{at}<parent link="{name}_root"/><child link="{name}"/></joint>
-  <link name="{name}">
+{root}  <link name="{name}">
     <contact><lateral_friction value="{least}"/>{bounce}</contact>
     <inertial>
       <origin xyz="{center}" rpy="0 0 0"/>
@@ -67,11 +79,7 @@ fn text(rigid: &Rigid) -> String {
         i[0][1],
         i[0][2],
         i[1][2],
-        at = if rigid.placement.at == Vector3::zeros() {
-            String::new()
-        } else {
-            format!(r#"<origin xyz="{}" rpy="0 0 0"/>"#, spaced(rigid.placement.at.iter().copied()))
-        },
+        root = if rigid.floating { root(rigid) } else { String::new() },
         note = rigid.comments(),
         name = rigid.name,
         center = spaced([x, y, z + rise]),

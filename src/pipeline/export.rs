@@ -28,13 +28,15 @@ pub struct ExportOptions<'a> {
     pub origin: Origin,
     /// Where the object stands by default, m.
     pub at: [f64; 3],
+    /// Whether a URDF's object hangs on a floating joint.
+    pub floating: bool,
     /// The surface with which frictions are.
     pub friction: Counterface,
 }
 
 /// Writes the object into `folder` once the parts are done.
 pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Exported> {
-    let ExportOptions { formats, colliders, samples, origin, at, friction } = *options;
+    let ExportOptions { formats, colliders, samples, origin, at, floating, friction } = *options;
     let has_grasps = formats.iter().any(|format| format.has_grasps());
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
@@ -62,6 +64,7 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
         on_steel: (friction == Counterface::Steel).then_some(&*library),
         origin,
         at: at.into(),
+        floating,
         source: &source,
         inputs: &open.scene.files,
         asset: open.scene.mesh.as_deref().map(|mesh| Asset { mesh, colliders }),

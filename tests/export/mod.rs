@@ -43,6 +43,7 @@ fn model(measured: &Measured) -> Model<'_> {
         on_steel: None,
         origin: Origin::Input,
         at: Vector3::zeros(),
+        floating: false,
         source: "point_cloud.ply",
         inputs: &[],
         asset: None,
@@ -86,7 +87,7 @@ impl Rigid {
     }
 
     fn model(&self) -> Model<'_> {
-        Model { grasps: &self.measured.with_paper().candidates, ..model(self.measured) }
+        Model { grasps: &self.measured.with_paper().candidates, floating: true, ..model(self.measured) }
     }
 
     fn name(&self) -> &str {

@@ -1,6 +1,7 @@
 //! Where an object's axes are and where it stands, and the frictions of the two surfaces that may touch it.
 
 use std::path::Path;
+use std::process::Command;
 
 use gprop::export::{Format, Model, Origin, export};
 use gprop::materials::MaterialLibrary;
@@ -10,7 +11,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::grasp::scenes::Measured;
-use crate::support::python_has;
+use crate::support::{python_has, skipped};
 
 /// Vertices are written to a micrometre; sizes and centres are of two of them.
 const ROUNDING_M: f64 = 2e-6;
@@ -119,6 +120,33 @@ fn sdf_is_one_free_model_that_pybullet_reads() {
         // Bullet reads some numbers in 32 bits.
         let mass = bodies[0]["mass_kg"].as_f64().unwrap() / measured.parts().object.mass_kg.mid;
         assert!((mass - 1.0).abs() < 1e-6, "{found}");
+    }
+}
+
+/// ROS's reader takes both; that PyBullet moves the one link, and MuJoCo the one that floats, other tests show.
+#[test]
+fn a_urdf_is_one_link_unless_it_is_to_float() {
+    let model = super::model(Measured::of(&folders()[0]));
+    let test = "a_urdf_is_one_link_unless_it_is_to_float";
+    let has_reader = Command::new("check_urdf").output().is_ok();
+    if !has_reader {
+        skipped(test, "no check_urdf; `apt-get install liburdfdom-tools` brings it");
+    }
+    let at = Vector3::new(0.5, 0.0, 0.0);
+    for (model, root) in [
+        (model, "hammer"),
+        (Model { floating: true, ..model }, "hammer_root"),
+        (Model { at, ..model }, "hammer_root"),
+    ] {
+        let folder = exported(&model, &[Format::Urdf]);
+        let path = folder.path().join("hammer.urdf");
+        let text = std::fs::read_to_string(&path).unwrap();
+        assert_eq!(text.contains("<joint") && text.contains("type=\"floating\""), root != "hammer", "{text}");
+        if has_reader {
+            let read = Command::new("check_urdf").arg(&path).output().unwrap();
+            let said = String::from_utf8_lossy(&read.stdout);
+            assert!(read.status.success() && said.contains(&format!("root Link: {root} ")), "{said}");
+        }
     }
 }
 
