@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::files::write;
 use crate::units::Estimate;
+use crate::words::output::one_line;
 
 use super::{BatchError, Outcome, State, Summary};
 
@@ -72,7 +73,7 @@ fn row(outcome: &Outcome) -> Vec<String> {
     row.extend([outcome.warnings.to_string(), cell(outcome.model.as_deref())]);
     row.extend([asked.requests.to_string(), asked.input_tokens.to_string(), asked.output_tokens.to_string()]);
     row.extend([cell(asked.usd), outcome.seconds.to_string(), outcome.peak_memory_bytes.to_string()]);
-    row.extend([cell(outcome.exit), cell(outcome.error.as_deref())]);
+    row.extend([cell(outcome.exit), cell(outcome.error.as_deref().map(one_line))]);
     row.push(outcome.work.to_string_lossy().into_owned());
     row
 }

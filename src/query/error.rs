@@ -38,7 +38,7 @@ pub enum QueryError {
     #[error("no usable recorded answer for {}", missing_whole(*.purpose, .view, *.miss))]
     MissingWhole { purpose: Purpose, view: String, miss: Miss },
     #[error(
-        "--max-usd cannot be kept: no price is known for {model}; give a price table with --prices FILE, or --price 0 if nothing is charged"
+        "--max-usd cannot be kept: no price is known for {model}; give it with --price IN,OUT in USD per million tokens (--price 0 if nothing is charged)"
     )]
     NoPrice { model: String },
     #[error(

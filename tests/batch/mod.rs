@@ -123,7 +123,11 @@ fn a_dry_run_counts_the_requests_of_each_scene_and_of_all() {
     let json = |more: &[&str]| -> Value { serde_json::from_str(&dry(&[more, &["--json"]].concat())).unwrap() };
     let untouched = json(&[]);
     assert_eq!((&untouched["unknown"], &untouched["cost"]["requests"]), (&3.into(), &0.into()));
-    assert!(dry(&[]).contains("the questions about 3 scenes are unknown until the parts are found"), "{}", dry(&[]));
+    assert!(
+        dry(&[]).contains("what would be asked about 3 scenes is unknown until the parts are found"),
+        "{}",
+        dry(&[])
+    );
     assert!(!balls.scene(0).join("gprop").exists(), "nothing is done");
 
     let consensus = ["--to", "consensus", "--price", "10"];

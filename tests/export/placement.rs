@@ -133,11 +133,9 @@ fn a_urdf_is_one_link_unless_it_is_to_float() {
         skipped(test, "no check_urdf; `apt-get install liburdfdom-tools` brings it");
     }
     let at = Vector3::new(0.5, 0.0, 0.0);
-    for (model, root) in [
-        (model, "hammer"),
-        (Model { floating: true, ..model }, "hammer_root"),
-        (Model { at, ..model }, "hammer_root"),
-    ] {
+    for (model, root) in
+        [(model, "hammer"), (Model { floating: true, ..model }, "hammer_root"), (Model { at, ..model }, "hammer_root")]
+    {
         let folder = exported(&model, &[Format::Urdf]);
         let path = folder.path().join("hammer.urdf");
         let text = std::fs::read_to_string(&path).unwrap();
@@ -183,7 +181,7 @@ fn restitutions_are_stated_where_a_format_has_them() {
     let model = Model { field: &field, ..super::model(measured) };
     let folder = exported(&model, &[Format::Sdf, Format::Urdf, Format::Usda]);
     let text = |path: &str| std::fs::read_to_string(folder.path().join(path)).unwrap();
-    let (sdf, usd) = (text("hammer.sdf"), text("hammer.usda"));
+    let (sdf, usd) = (text("hammer.sdf"), text("hammer/usd/hammer.usda"));
     for label in &field.labels {
         let stated = label.restitution.unwrap().mid;
         let bounce = format!("<restitution_coefficient>{stated}</restitution_coefficient><threshold>0.01</threshold>");

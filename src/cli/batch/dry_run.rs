@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::exit;
 use crate::query::Preview;
 use crate::query::ask::cost::Cost;
-use crate::words::output::{agreeing, counted, one_line};
+use crate::words::output::{counted, one_line};
 
 use super::super::{BatchArgs, Global, WorkArgs, options_of, print, scene};
 
@@ -20,6 +20,9 @@ struct DryBatch<'a> {
     skipped: Vec<String>,
     /// Cost of asking all questions that are due and known.
     cost: Cost,
+    /// How many questions there may be in all of these scenes, without those whose answers are recorded, if answers disagree and parts
+    /// consist of several materials.
+    at_most: usize,
     /// Number of scenes whose questions are not known, because their parts are not found yet or cannot be read.
     unknown: usize,
 }
@@ -55,12 +58,13 @@ pub fn print_state(global: &Global, args: &BatchArgs, batch: &Batch) -> Result<(
         })
         .collect();
     bar.finish_and_clear();
-    let costs = scenes.iter().filter_map(|scene| Some(scene.queries.as_ref()?.cost));
+    let previews = || scenes.iter().filter_map(|scene| scene.queries.as_ref());
     let dry = DryBatch {
         shard: index,
         of,
         skipped: batch.skipped().map(|outcome| outcome.scene).collect(),
-        cost: costs.fold(Cost::default(), Cost::plus),
+        cost: previews().fold(Cost::default(), |sum, preview| sum.plus(preview.cost)),
+        at_most: previews().map(|preview| preview.at_most - preview.recorded).sum(),
         unknown: scenes.iter().filter(|scene| !scene.is_known).count(),
         scenes,
     };
@@ -108,7 +112,7 @@ impl<'a> DryScene<'a> {
             (Some(problem), _) => {
                 format!("; cannot be opened: {}", one_line(problem.lines().next().unwrap_or_default()))
             }
-            (None, Some(queries)) => format!("; to ask: {}", queries.cost),
+            (None, Some(queries)) => format!("; {queries}"),
             (None, None) if self.is_known => String::new(),
             (None, None) => "; questions unknown".to_owned(),
         };
@@ -124,19 +128,22 @@ impl<'a> DryScene<'a> {
 
 impl DryBatch<'_> {
     fn text(&self) -> String {
-        let Self { shard, of, scenes, skipped, cost, unknown } = self;
+        let Self { shard, of, scenes, skipped, cost, at_most, unknown } = self;
         let lines: String = scenes.iter().map(DryScene::text).collect();
         let skipped: String = skipped.iter().map(|name| format!("{name}  skipped\n")).collect();
         let mut text = format!("{lines}{skipped}{} in shard {shard}/{of}", counted(scenes.len(), "scene"));
         if cost.requests > 0 || *unknown == 0 {
             text += &format!("; to ask: {cost}");
         }
+        if *at_most > cost.requests {
+            text +=
+                &format!("\nat most {} if answers disagree or name several materials", counted(*at_most, "question"));
+        }
         if *unknown > 0 {
             text += &format!(
-                "\nthe questions about {} {} unknown until the parts are found; `gprop batch` with `--to consensus` finds \
+                "\nwhat would be asked about {} is unknown until the parts are found; `gprop batch` with `--to consensus` finds \
                  them and sends nothing",
-                counted(*unknown, "scene"),
-                agreeing(*unknown, "is", "are")
+                counted(*unknown, "scene")
             );
         }
         text

@@ -8,9 +8,8 @@ use std::path::Path;
 use crate::batch::{Batch, BatchError, BatchQuestions, Summary, Task};
 use crate::error::{Result, UsageError};
 use crate::pipeline::{self, Stage};
-use crate::query::AnswerSource;
-use crate::query::batch_api;
-use crate::query::client;
+use crate::query::session::price;
+use crate::query::{self, AnswerSource, batch_api, client};
 use crate::words::progress;
 
 use super::{BatchArgs, Global, options_of, print, print_text, scene, shown};
@@ -63,6 +62,7 @@ pub fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
     let destination = client::destination(query)?.filter(|_| query.answers.may_ask());
     let Some(destination) = destination.filter(|_| options.setup.network().is_ok()) else { return Ok(()) };
     let budget = match query.max_usd {
+        Some(_) if is_free(query)? => "nothing is charged, so --max-usd counts nothing".to_owned(),
         Some(max_usd) => format!("at most {max_usd} USD, as set by --max-usd"),
         None => "no limit set by --max-usd".to_owned(),
     };
@@ -75,6 +75,11 @@ pub fn announce(options: &pipeline::Options, scenes: usize) -> Result<()> {
     };
     progress::notice(&format!("asking {destination} about {which} ({budget})"));
     Ok(())
+}
+
+/// Whether the model's price is known to be nothing.
+fn is_free(query: &query::Options) -> Result<bool> {
+    Ok(price(query)?.is_some_and(|price| price.input_usd_per_mtok == 0.0 && price.output_usd_per_mtok == 0.0))
 }
 
 /// Refuses a `--from` that would be ignored or that every scene would refuse.

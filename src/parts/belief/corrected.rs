@@ -3,7 +3,8 @@
 //! A correction is certain: ways that it excludes are impossible. Those that agree with it take its numbers and stay as
 //! probable as they were among each other; if none does, what the user says is the only one. The model's hypotheses about the
 //! object count on: one in [`OUTSIDE`] things is none of what a model says under a hypothesis, so a hypothesis that did not have the
-//! corrected way becomes less probable, but is not excluded.
+//! corrected way becomes less probable, but is not excluded. What the model says such a thing weighs is about a thing made in one of
+//! its ways, so it counts no longer if a part is made in [none of them](agree).
 
 use super::Possible;
 use crate::materials::MaterialLibrary;
@@ -35,6 +36,14 @@ pub fn corrected(
         (0..hypotheses).for_each(|hypothesis| take_over(&mut choices, &agrees, hypothesis));
     }
     choices
+}
+
+/// Whether any of the ways that the model holds possible agrees with the correction; also if the model says nothing of the part.
+pub fn agree(choices: &[Possible], correction: &Correction, library: &MaterialLibrary) -> bool {
+    let agrees = |choice: &Possible| {
+        correction.agrees_with(&choice.label, library) && correction.applied(&choice.label, library).is_ok()
+    };
+    choices.is_empty() || choices.iter().any(agrees)
 }
 
 /// Gives the choices that agree the probability that they have under a hypothesis and, of that of the others, what lies
@@ -94,6 +103,16 @@ mod tests {
         assert_eq!(found.iter().map(|choice| choice.likelihood).collect::<Vec<_>>(), [0.0, 0.0, 1.0]);
         assert_eq!((&*found[2].label.material, found[2].stated_probability), ("aluminium 6061-t6", 0.0));
         assert_eq!(found[2].under[0], found[2].under[1], "it says nothing of what the object is");
+    }
+
+    #[test]
+    fn a_correction_agrees_if_any_choice_does() {
+        let agree = |material: &str| {
+            let correction = Correction { material: Some(material.to_owned()), ..Correction::default() };
+            super::agree(&choices(), &correction, MaterialLibrary::builtin())
+        };
+        assert!(agree("abs") && !agree("aluminium 6061-t6"));
+        assert!(super::agree(&[], &Correction::default(), MaterialLibrary::builtin()), "nothing was said of the part");
     }
 
     #[test]

@@ -31,6 +31,9 @@ use states::State;
 pub struct Possibilities {
     /// What the whole may be; at least one.
     pub hypotheses: Vec<Hypothesis>,
+    /// False if the user corrected a part to what the model holds possible under none of them: then their masses are those of another
+    /// thing.
+    pub stated_mass_counts: bool,
     /// By label of the field; those of which nothing more is known have no choices.
     pub of_label: Vec<Vec<Possible>>,
     /// By label, the question about the part by itself, if there was one.
@@ -99,18 +102,20 @@ impl Possibilities {
             likelihood: of.likelihood,
             stated_probability: of.stated_probability,
         };
-        let of_label = |label: &FieldLabel| {
+        let mut stated_mass_counts = true;
+        let mut of_label = |label: &FieldLabel| {
             let of = piece_of(label).map_or(&[][..], |piece| &alternatives[piece]);
             let choices: Vec<Possible> = of.iter().map(|of| possible(label.id, of)).collect();
-            match &label.corrected {
-                Some(of) => corrected::corrected(choices, &of.to, label, library),
-                None => choices,
-            }
+            let Some(of) = &label.corrected else { return choices };
+            stated_mass_counts &= corrected::agree(&choices, &of.to, library);
+            corrected::corrected(choices, &of.to, label, library)
         };
+        let of_label = field.labels.iter().map(&mut of_label).collect();
         let asked = |label: &FieldLabel| answered.question_about(piece_of(label)?).map(AskedPart::of);
         Self {
             hypotheses: recognition.hypotheses.clone(),
-            of_label: field.labels.iter().map(of_label).collect(),
+            stated_mass_counts,
+            of_label,
             asked: field.labels.iter().map(asked).collect(),
             printed: recognition.printed.clone(),
             unnumbered: recognition.unnumbered.clone(),
@@ -199,11 +204,12 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
     let mut given_state = Vec::with_capacity(states.len());
     for (of, shape) in states.iter().zip(&shapes) {
         let State { hypothesis, probability, .. } = of.state;
-        let stated = &stated[hypothesis];
-        let (product, together) = empty.product(shape, Some(stated));
-        let (_, overlap) = empty.product(shape, Some(&stated.moved_to(shape)));
+        let stated = possible.stated_mass_counts.then_some(&stated[hypothesis]);
+        let (product, together) = empty.product(shape, stated);
+        let (_, overlap) = empty.product(shape, stated.map(|stated| stated.moved_to(shape)).as_ref());
         // The belief about a mass that was read is known at that mass alone.
-        let at_reading = evidence.reading_kg.map(|kg| shape.density(kg.ln()) * stated.density(kg.ln()));
+        let density = |ln_kg: f64| shape.density(ln_kg) * stated.map_or(1.0, |stated| stated.density(ln_kg));
+        let at_reading = evidence.reading_kg.map(|kg| density(kg.ln()));
         let weight = probability * at_reading.unwrap_or(together) / overlap;
         whole.add(&product, probability / overlap);
         by_shape.add(&empty.product(shape, None).0, probability);
@@ -468,6 +474,7 @@ mod tests {
             mass_kg: Range::new(low, high),
         };
         let possible = Possibilities {
+            stated_mass_counts: true,
             hypotheses: vec![hypothesis("a real one", 0.7, 0.5, 1.2), hypothesis("an imitation", 0.3, 0.05, 0.2)],
             of_label: vec![
                 vec![possible(1, "stainless steel 304", [0.8, 0.1]), possible(1, "abs", [0.2, 0.9])],
@@ -553,6 +560,24 @@ mod tests {
         let [narrow, wide] =
             [0, 1].map(|h| believed.object.hypotheses[h].probability / possible.hypotheses[h].probability);
         assert!(wide > narrow, "the shape is nearer to what a wide range expects: {narrow}, {wide}");
+    }
+
+    /// The user said of a part what the model did not hold possible.
+    #[test]
+    fn without_the_stated_masses_shape_and_materials_are_all() {
+        let (mut possible, weights, labels, mut unknowns) = two_parts();
+        possible.stated_mass_counts = false;
+        let mut weighed = |reading_kg| {
+            let evidence =
+                Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg };
+            believe(&evidence, &mut unknowns)
+        };
+        let believed = weighed(None);
+        assert_eq!(believed.mass_kg, believed.object.shape_kg);
+        for (hypothesis, stated) in believed.object.hypotheses.iter().zip(&possible.hypotheses) {
+            assert!((hypothesis.probability - stated.probability).abs() < 1e-6, "{hypothesis:?}");
+        }
+        assert!(weighed(Some(0.2)).object.hypotheses[1].probability > 0.5, "a reading still decides");
     }
 
     #[test]

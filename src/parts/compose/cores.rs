@@ -9,7 +9,7 @@
 //! - **sleeve**: the void of a shell is filled by the solid that enters it, if the solid is a peg and the shell its
 //!   sleeve: the peg is at least as long as their contact is wide, the sleeve at least twice that, and contact, peg and
 //!   void have cross-sections of one size. So a grip is filled by its handle, but a cushion not by the seat it lies on,
-//!   nor a lamp's base by its thin stem.
+//!   nor a lamp's base by its thin stem. A shell of which the filling is known has no core.
 
 use std::collections::BTreeSet;
 

@@ -115,7 +115,11 @@ pub fn compose(
     let walls = WallDepths::of(&cells, |l| !is_solid[l as usize], sheet);
     let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
     let is_material = |i: usize| doubt[i] < Doubt::Strong;
-    let cores = cores::cores(&cells, &is_solid, is_void, is_material);
+    let mut cores = cores::cores(&cells, &is_solid, is_void, is_material);
+    for (core, construction) in cores.iter_mut().zip(constructions) {
+        // What fills it is known.
+        *core = core.filter(|_| !matches!(construction, Construction::Wall { filled: Some(_), .. }));
+    }
     let contents = Contents { cells: &cells, constructions, cores: &cores, doubt: &doubt, walls: &walls, evidence };
 
     let slacks = contents.slacks(*uncertainty);
@@ -252,9 +256,7 @@ impl Contents<'_> {
         slacks: &[f64],
         enclosed: &[f64],
     ) -> Vec<Option<Hollow>> {
-        let is_filled = |l: usize| {
-            self.cores[l].is_none() && matches!(self.constructions[l], Construction::Wall { filled: Some(_), .. })
-        };
+        let is_filled = |l: usize| matches!(self.constructions[l], Construction::Wall { filled: Some(_), .. });
         if !(0..readings.len()).any(is_filled) {
             return vec![None; readings.len()];
         }

@@ -57,7 +57,7 @@ pub enum ImageTokens {
 /// An amount in dollars, or a note that the price is unknown.
 pub(in crate::query) fn dollars(usd: Option<f64>) -> String {
     usd.map_or_else(
-        || "an unknown price (--lmm-model names the model, --prices the table with its price)".to_owned(),
+        || "an unknown price (give it with --price IN,OUT in USD per million tokens)".to_owned(),
         |usd| format!("{usd:.4} USD"),
     )
 }
