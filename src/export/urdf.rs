@@ -51,9 +51,8 @@ fn text(rigid: &Rigid) -> String {
         );
     }
     let least = rigid.least_friction();
-    let bounce = rigid
-        .least_restitution()
-        .map_or_else(String::new, |least| format!(r#"<restitution value="{least}"/>"#));
+    let bounce =
+        rigid.least_restitution().map_or_else(String::new, |least| format!(r#"<restitution value="{least}"/>"#));
     let skin = || format!(r#"<mesh filename="meshes/{}_skin.obj"/>"#, rigid.name);
     let own_geometry =
         |mesh: &OwnMesh| format!(r#"<mesh filename="{}" scale="{}"/>"#, escaped(&mesh.file), spaced(mesh.scale));
