@@ -126,7 +126,7 @@ fn sdf_is_one_free_model_that_pybullet_reads() {
 /// ROS's reader takes both; that PyBullet moves the one link, and MuJoCo the one that floats, other tests show.
 #[test]
 fn a_urdf_is_one_link_unless_it_is_to_float() {
-    let model = super::model(Measured::of(&folders()[0]));
+    let model = super::model(Measured::small());
     let test = "a_urdf_is_one_link_unless_it_is_to_float";
     let has_reader = Command::new("check_urdf").output().is_ok();
     if !has_reader {
@@ -173,7 +173,7 @@ fn on_steel_frictions_are_those_of_the_library() {
 /// Each part's own where a format has it by collider or material; the least where it has one for the whole body.
 #[test]
 fn restitutions_are_stated_where_a_format_has_them() {
-    let measured = Measured::of(&folders()[0]);
+    let measured = Measured::small();
     let mut field = measured.field.clone();
     for (label, restitution) in field.labels.iter_mut().zip([0.45, 0.25]) {
         label.restitution = Some(Estimate::exactly(restitution));
