@@ -24,9 +24,11 @@ pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError>
 /// The grain and the joint on which the link hangs.
 fn root(rigid: &Rigid) -> String {
     let (name, at) = (&rigid.name, rigid.placement.at);
-    let origin = (at != Vector3::zeros())
-        .then(|| format!(r#"<origin xyz="{}" rpy="0 0 0"/>"#, spaced(at.iter().copied())))
-        .unwrap_or_default();
+    let origin = if at == Vector3::zeros() {
+        String::new()
+    } else {
+        format!(r#"<origin xyz="{}" rpy="0 0 0"/>"#, spaced(at.iter().copied()))
+    };
     format!(
         r#"  <link name="{name}_root">{GRAIN}</link>
   <joint name="{name}_free" type="floating">{origin}<parent link="{name}_root"/><child link="{name}"/></joint>
