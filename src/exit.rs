@@ -252,5 +252,8 @@ mod tests {
         let lines: Vec<String> = message(&list.into()).lines().skip(1).map(str::to_owned).collect();
         assert_eq!(lines[0], r"  a\nb: no\u0007 splat");
         assert!(lines.len() == 2 && lines[1].starts_with("  c: it has no result"), "{lines:?}");
+        let failed = vec![("a".to_owned(), "no recorded answer for 1 of 2 questions:\n  view 000".to_owned())];
+        let list = message(&BatchError::Incomplete { scenes: 1, failed, missing: Vec::new() }.into());
+        assert!(list.lines().count() == 3 && list.contains("`gprop answer`"), "{list}");
     }
 }

@@ -147,12 +147,21 @@ fn a_box_is_dragged_on_the_page() {
     drag("figure:nth-last-of-type(3) canvas", end);
     assert!((sides()[3] - middle[0]).abs() < 0.02 * size[0], "{:?}", sides());
 
-    page.evaluate(
-        "(() => { const side = document.querySelector('[data-end=max][data-axis=\"0\"]'); side.focus(); \
-         side.value = '0'; side.dispatchEvent(new Event('input')); })()",
-    );
+    let type_end = |value: f64| {
+        page.evaluate(&format!(
+            "(() => {{ const side = document.querySelector('[data-end=max][data-axis=\"0\"]'); side.focus(); \
+             side.value = '{value}'; side.dispatchEvent(new Event('input')); }})()"
+        ));
+    };
+    let before = page.text("#option");
+    type_end(sides()[0] - size[0]);
+    assert_eq!(page.text("#option"), before, "a side beyond the other is asked about");
+    assert!(page.text("#reversed").contains("the lower number comes first"), "{}", page.text("#reversed"));
+    let end = sides()[0] + 0.4 * size[0];
+    type_end(end);
+    assert_eq!(page.text("#reversed"), "");
     let typed = page.text("#option");
-    assert_eq!(numbers(&typed)[3], 0.0_f64.max(numbers(&typed)[0]));
+    assert!((numbers(&typed)[3] - end).abs() < tolerance, "{typed} instead of {end}");
     let output = gprop().arg("inspect").arg(folder.path()).args([&typed, "--json"]).output().unwrap();
     let cut: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(cut["object_source"], "box");

@@ -57,11 +57,17 @@ pub enum BatchError {
     Incomplete { scenes: usize, failed: Vec<(String, String)>, missing: Vec<String> },
 }
 
-/// One line per scene.
+/// What to do about scenes without an answer.
+const ANSWERS: &str = "\nName a model for the answers with --lmm-url and --lmm-model, or give them by hand with `gprop answer`; then run \
+                       the same command again";
+
+/// One line per scene, and what to do.
 fn listed(failed: &[(String, String)], missing: &[String]) -> String {
     let first_line = |text: &str| one_line(text.lines().next().unwrap_or_default()).into_owned();
+    let lacks_answer = failed.iter().any(|(_, why)| first_line(why).contains("recorded answer"));
     let failed = failed.iter().map(|(name, why)| format!("\n  {}: {}", one_line(name), first_line(why)));
     let unknown = "it has no result; its shard has not finished";
     let missing = missing.iter().map(|name| format!("\n  {}: {unknown}", one_line(name)));
-    failed.chain(missing).collect()
+    let all: String = failed.chain(missing).collect();
+    all + if lacks_answer { ANSWERS } else { "" }
 }

@@ -16,11 +16,11 @@ use crate::pipeline::{Options, Pipeline, Stage};
 use crate::query::AnswerSource;
 use crate::query::exchange::{Form, Served};
 use crate::query::session::{ForPerson, QuerySession};
+use crate::scene::ScaleChoice;
 use crate::units::Estimate;
 use crate::words::output::{agreeing, counted, one_line, tell};
 use crate::words::progress::{CancelToken, Progress};
 use crate::words::readable::{Figures, mass};
-use crate::words::shell;
 
 use super::{AnswerArgs, Global, is_picture, print, scene};
 
@@ -70,15 +70,28 @@ pub fn answer(global: &Global, args: &AnswerArgs) -> Result<()> {
     let mut pending = Vec::new();
     loop {
         let weighed = weigh(&mut pipeline);
+        let weighed = weighed.map_err(|problem| if lacks_size(&pipeline) { NO_SIZE.to_owned() } else { problem });
         let (sitting, next) = page.round(&pipeline, &weighed, pending)?;
         match next {
             Next::Answers(answers) => pending = answers,
             Next::Ended => {
                 drop(page.server);
-                return print(global, &sitting, || sitting.text(&weighed, &shell::path(folder)));
+                return print(global, &sitting, || sitting.text(&weighed, &scene::as_typed(global, folder)));
             }
         }
     }
+}
+
+/// Without the size of the object, no answer leads to a mass.
+const NO_SIZE: &str = "There is no mass, because the size of the object is unknown: start `gprop answer` again with a length that you \
+                       measured, such as --scale bbox:z=0.12 for the height in metres, or with the weight of the object, such as \
+                       --known-mass 0.35 in kilograms. Answers are kept.";
+
+/// Whether nothing tells how large the object is.
+fn lacks_size(pipeline: &Pipeline) -> bool {
+    let open = pipeline.opened();
+    let Options { scene, parts, .. } = &open.options;
+    open.scene.scale.is_none() && scene.scale != ScaleChoice::Estimate && parts.known_mass.is_none()
 }
 
 /// The options if a person answers: no model is asked, and what is not answered yet is left open.
@@ -125,6 +138,9 @@ impl Page {
             return Ok((sitting, Next::Ended));
         }
         if !self.is_told {
+            if lacks_size(pipeline) {
+                tell(NO_SIZE);
+            }
             tell(&format!("Answer at {}  (on this machine only; Ctrl-C ends, answers are kept)", self.server.url()));
             self.is_told = true;
         }

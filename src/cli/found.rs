@@ -89,10 +89,11 @@ fn parts_of_views(file: &Value) -> String {
     let with_pieces = match pieces {
         0 => String::new(),
         _ => format!(
-            "; {} of {} may be of another material, so the model is asked about {} as well",
+            "; {} of {} may be of another material and {} asked about as well: {} to ask about in all",
             counted(pieces, "smaller region"),
             agreeing(parts, "it", "them"),
-            agreeing(pieces, "it", "them"),
+            agreeing(pieces, "is", "are"),
+            counted(all.len(), "region"),
         ),
     };
     format!("{}{with_pieces}\n", counted(parts, "part"))
@@ -174,11 +175,13 @@ mod tests {
         assert_eq!(text(&[&part, &part]), "2 parts\n");
         assert_eq!(
             text(&[&part, &part, &piece, &piece]),
-            "2 parts; 2 smaller regions of them may be of another material, so the model is asked about them as well\n"
+            "2 parts; 2 smaller regions of them may be of another material and are asked about as well: 4 regions to ask about \
+             in all\n"
         );
         assert_eq!(
             text(&[&part, &piece, &piece]),
-            "1 part; 2 smaller regions of it may be of another material, so the model is asked about them as well\n"
+            "1 part; 2 smaller regions of it may be of another material and are asked about as well: 3 regions to ask about in \
+             all\n"
         );
     }
 }

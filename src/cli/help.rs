@@ -22,7 +22,7 @@ const OF_A_RUN: &[&str] = &["preset", "masks", "offline", "lmm-url", "lmm-model"
 
 /// Those of them that concern a single scene.
 const OF_ONE_SCENE: &[&str] =
-    &["view-list", "align", "up", "object", "object-box", "render-views", "ask-views", "answers", "part", "policy"];
+    &["view-list", "align", "up", "object", "object-box", "answers", "correct", "part", "policy"];
 
 /// Those of a film.
 const OF_A_FILM: &[&str] = &["turntable", "size", "fps"];

@@ -63,7 +63,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
             let open = pipeline.opened();
             let about = FoundSubjects::of(open)?;
             let session = session_of(open, &about, &open.options.query)?;
-            run(global, &session, &action, &format!("gprop run {}", shell::path(&args.scene.scene)))
+            run(global, &session, &action, &format!("gprop run {}", scene::as_typed(global, &args.scene.scene)))
         }
         _ => scene::run(global, &args.scene.scene, &args.scene.work, Stage::Query),
     }
@@ -80,7 +80,8 @@ fn directly(global: &Global, args: &QueryArgs) -> Result<()> {
         return print(global, &preview, || format!("questions: {preview}"));
     }
     if let Some(action) = action(args) {
-        return run(global, &session, &action, &format!("gprop query {} --direct", shell::path(&args.scene.scene)));
+        let scene = scene::as_typed(global, &args.scene.scene);
+        return run(global, &session, &action, &format!("gprop query {scene} --direct"));
     }
     let guess = session.direct_guess(&|round| Ok(write_sheets(&open.work, round)?))?;
     let guess =
@@ -173,13 +174,15 @@ fn import(global: &Global, session: &QuerySession, folder: &Path, next: &str) ->
     print(global, &imported, || {
         let next = match (*recorded, *unanswered) {
             (0, _) => String::new(),
-            (_, 0) => format!("; continue with `{next}` and the same options"),
+            (_, 0) => format!("; continue with `{next}`, and the same --out if you gave one"),
             // A model that is asked answers again what another model answered, but not what a person did.
             _ if by_hand == recorded => format!(
-                "; answer the rest and import again, then continue with `{next}` and the same options; or let a model answer \
+                "; answer the rest and import again, then continue with `{next}`, and the same --out if you gave one; or let a model answer \
                  the rest: `{next} --lmm-url URL --lmm-model NAME`"
             ),
-            _ => format!("; answer the rest and import again, then continue with `{next}` and the same options"),
+            _ => format!(
+                "; answer the rest and import again, then continue with `{next}`, and the same --out if you gave one"
+            ),
         };
         format!("{} recorded, {} not answered{next}", counted(*recorded, "answer"), counted(*unanswered, "question"))
     })?;

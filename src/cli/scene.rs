@@ -16,6 +16,7 @@ use crate::pipeline::{self, Builder, CommandLine, Options, Pipeline, Plan, Stage
 use crate::query::Preview;
 use crate::report;
 use crate::units::MetricScale;
+use crate::words::shell;
 use crate::workdir::Artifact;
 use crate::{batch, config};
 
@@ -275,4 +276,10 @@ fn json_of(pipeline: &mut Pipeline, artifact: Artifact) -> Result<Value> {
         Artifact::Field => pipeline.opened().work.read_json(Artifact::Labels)?,
         other => pipeline.opened().work.read_json(other)?,
     })
+}
+
+/// A scene with the options of the stages that were typed, for a command that goes on with it.
+pub fn as_typed(global: &Global, scene: &Path) -> String {
+    let flags = global.flags.typed.iter().map(|flag| format!(" {}", shell::word(&flag.to_string_lossy())));
+    shell::path(scene) + &flags.collect::<String>()
 }

@@ -27,6 +27,26 @@
     box[end][axis] = end === "min" ? Math.min(value, box.max[axis]) : Math.max(value, box.min[axis]);
   }
 
+  const sidesOf = (axis) => ENDS.map((end) => document.querySelector(`[data-axis="${axis}"][data-end=${end}]`));
+
+  // Says what is wrong with the sides that were typed for an axis, or nothing.
+  function mark(axis, problem) {
+    for (const input of sidesOf(axis)) input.ariaInvalid = String(problem !== "");
+    const shown = document.getElementById("reversed");
+    shown.hidden = !problem;
+    shown.textContent = problem;
+  }
+
+  // Takes the sides that were typed for an axis, unless the first is beyond the second: the box stays as it is until they are in order.
+  function take(axis) {
+    const typed = sidesOf(axis).map(({ value }) => value);
+    if (typed.includes("")) return;
+    const [from, to] = typed.map(Number);
+    const isReversed = from > to;
+    mark(axis, isReversed ? `${AXES[axis]} from ${from} to ${to}: the lower number comes first. The box is as before until they are in order.` : "");
+    if (!isReversed) [box.min[axis], box.max[axis]] = [from, to];
+  }
+
   function show() {
     const corner = (end) => box[end].map(written).join(",");
     document.getElementById("option").textContent = `--object-box=${corner("min")}:${corner("max")}`;
@@ -34,7 +54,8 @@
     for (let n = 0; n < count; n++) inside += isInside(n);
     document.getElementById("inside").textContent = `${inside} of the ${count} points drawn are in the box.`;
     for (const input of document.querySelectorAll("[data-axis]")) {
-      if (input !== document.activeElement) input.value = written(box[input.dataset.end][input.dataset.axis]);
+      const isReversed = input.ariaInvalid === "true";
+      if (input !== document.activeElement && !isReversed) input.value = written(box[input.dataset.end][input.dataset.axis]);
     }
     drawings.forEach((draw) => draw());
   }
@@ -62,6 +83,7 @@
     });
     canvas.addEventListener("pointermove", (event) => {
       if (drag) {
+        AXES.forEach((_, axis) => mark(axis, ""));
         drag(place(event));
         show();
       } else {
@@ -215,7 +237,7 @@
 
   for (const input of document.querySelectorAll("[data-axis]")) {
     input.addEventListener("input", () => {
-      if (input.value !== "") move(Number(input.dataset.axis), input.dataset.end, Number(input.value));
+      take(Number(input.dataset.axis));
       show();
     });
     input.addEventListener("blur", show);

@@ -20,7 +20,7 @@ pub fn to_text(inspection: &Inspection) -> String {
     }
     line("Gaussians", gaussians(inspection));
     let [x, y, z] = inspection.extent.size;
-    line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z) between centres, without outliers"));
+    line("extent", format!("{x:.4} x {y:.4} x {z:.4} scene units (x, y, z), stray Gaussians aside"));
     line("", format!("from {} to {}", corner(inspection.extent.min), corner(inspection.extent.max)));
     line("up", up(inspection));
     line("scale", scale(inspection));
@@ -46,7 +46,8 @@ fn corner([x, y, z]: [f64; 3]) -> String {
 
 fn gaussians(inspection: &Inspection) -> String {
     let Inspection { gaussians, object_gaussians, sh_degree, .. } = inspection;
-    let mut text = format!("{gaussians}, spherical harmonics of degree {sh_degree}");
+    let shading = if *sh_degree == 0 { "without" } else { "with" };
+    let mut text = format!("{gaussians}, {shading} view-dependent colours (spherical harmonics of degree {sh_degree})");
     if inspection.antialiased {
         text.push_str(", antialiased");
     }
@@ -64,7 +65,7 @@ fn up(inspection: &Inspection) -> String {
     let found = match source {
         UpSource::Given => "as given",
         UpSource::DataSet => "by the convention of the data or its format",
-        UpSource::Support => "the normal of the surface under the objects",
+        UpSource::Support => "at right angles to the surface under the objects",
         UpSource::Cameras => "by the cameras, which are held level",
         UpSource::Assumed => "assumed, since nothing tells; --up decides",
     };
@@ -108,7 +109,7 @@ pub(super) fn foreground(source: ForegroundSource) -> &'static str {
 fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
     let numbers = |fit: &ViewFit| {
         let overlap = fit.mask_iou.map_or(String::new(), |iou| format!("   outlines overlap by {:.1} %", 100.0 * iou));
-        format!("{}: {:.2} dB{overlap}", fit.name, fit.psnr_db)
+        format!("{}: PSNR {:.2} dB{overlap}", fit.name, fit.psnr_db)
     };
     let mut lines: Vec<(String, String)> = Vec::new();
     for (index, fit) in fits.iter().take(LISTED_VIEWS).enumerate() {
@@ -124,7 +125,8 @@ fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
         lines.push((
             "PSNR".to_owned(),
             format!(
-                "{low:.2} to {high:.2} dB, median {mid:.2} of {}; the higher, the more the splat looks like the photos",
+                "{low:.2} to {high:.2} dB, median {mid:.2} of {}; the higher, the more the splat looks like the photos (on photos of \
+                 real scenes, the paper on 3D Gaussian Splatting reports means of 23 to 29 dB)",
                 counted(fits.len(), "view")
             ),
         ));

@@ -72,8 +72,10 @@ impl Links {
     pub fn table(&self) -> String {
         let mut text = String::new();
         for link in self.links.iter().filter(|link| link.object.is_some()) {
-            let claimed =
-                link.claimed.mass_kg.map_or("nothing said".to_owned(), |kg| format!("said {} kg", significant(kg)));
+            let claimed = link
+                .claimed
+                .mass_kg
+                .map_or("the file states no mass".to_owned(), |kg| format!("said {} kg", significant(kg)));
             let found = match &link.found {
                 Some(Found { mass_kg: Estimate { low, mid, high }, materials, .. }) => format!(
                     "gprop {} to {} kg, likely {} kg ({})",
@@ -82,7 +84,7 @@ impl Links {
                     significant(*mid),
                     materials.join(", ")
                 ),
-                None => "not weighed".to_owned(),
+                None => "not weighed, because its run is not done".to_owned(),
             };
             let _ = writeln!(text, "{}: {claimed}; {found}", one_line(&link.name));
         }

@@ -23,6 +23,7 @@ use serde::{Deserialize, Serialize};
 use crate::units::{Range, ShoreHardness, ShoreScale};
 
 pub use library::MaterialLibrary;
+pub(crate) use names::SPELLINGS;
 pub use names::fold;
 pub use options::{Options, SCENE_KEYS};
 pub use read::LibraryError;

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 /// American and variant spellings, with the spelling that the library uses.
-const SPELLINGS: [(&str, &str); 24] = [
+pub const SPELLINGS: [(&str, &str); 24] = [
     ("aluminum", "aluminium"),
     ("anodised", "anodized"),
     ("armor", "armour"),

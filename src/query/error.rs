@@ -30,13 +30,24 @@ pub enum QueryError {
     #[error(transparent)]
     Cancelled(#[from] Cancelled),
     #[error(
-        "no recorded answer for {} of {}:{}\nAsk a model: --lmm-url URL --lmm-model NAME with the key \
-         in OPENAI_API_KEY; or answer by hand: gprop answer SCENE; or elsewhere: gprop query SCENE --export DIR, then --import DIR with the same options",
-        .missing.len(), output::counted(*.questions, "question"), listed(.missing)
+        "no recorded answer for {} of {}:{}\n{}",
+        .missing.len(), output::counted(*.questions, "question"), listed(.missing),
+        ways_to_answer(.scene.as_deref(), "", .missing.len() < *.questions)
     )]
-    Missing { questions: usize, missing: Vec<MissingAnswer> },
-    #[error("no usable recorded answer for {}", missing_whole(*.purpose, .view, *.miss))]
-    MissingWhole { purpose: Purpose, view: String, miss: Miss },
+    Missing {
+        questions: usize,
+        missing: Vec<MissingAnswer>,
+        /// The scene, as it is typed in a shell; `None` if that is not known here.
+        scene: Option<String>,
+    },
+    #[error("no usable recorded answer for {}", missing_whole(*.purpose, .view, *.miss, .scene.as_deref()))]
+    MissingWhole {
+        purpose: Purpose,
+        view: String,
+        miss: Miss,
+        /// As for [`Self::Missing`].
+        scene: Option<String>,
+    },
     #[error(
         "--max-usd cannot be kept: no price is known for {model}; give it with --price IN,OUT in USD per million tokens (--price 0 if nothing is charged)"
     )]
@@ -200,17 +211,37 @@ impl Answers {
     }
 }
 
+impl QueryError {
+    /// The error with commands that name the scene, given as it is typed in a shell.
+    #[must_use]
+    pub fn about(mut self, of: &str) -> Self {
+        if let Self::Missing { scene, .. } | Self::MissingWhole { scene, .. } = &mut self {
+            *scene = Some(of.to_owned());
+        }
+        self
+    }
+}
+
+/// The ways to the answers that are missing, with the `option` that asks for them, or "". With `some`, others are there.
+fn ways_to_answer(scene: Option<&str>, option: &str, some: bool) -> String {
+    let of = format!("{}{}{option}", scene.unwrap_or("SCENE"), if option.is_empty() { "" } else { " " });
+    let so_far = if some { "; or go on with the answers so far: --answers partial" } else { "" };
+    format!(
+        "Answer by hand: gprop answer {of}; or ask a model: --lmm-url URL --lmm-model NAME with the key in OPENAI_API_KEY{so_far}; \
+         or answer elsewhere: gprop query {of} --export DIR, then gprop query {of} --import DIR, with the same options"
+    )
+}
+
 /// What a question about the whole object is about, and what to do if its answer is missing.
-fn missing_whole(purpose: Purpose, view: &str, miss: Miss) -> String {
+fn missing_whole(purpose: Purpose, view: &str, miss: Miss, scene: Option<&str>) -> String {
     let (what, option, or_else) = match purpose {
         Purpose::Size => ("the length of the object", "--scale estimate", "; or give another --scale"),
         Purpose::Recognition => ("what the object is", "--ask object", "; or ask about its parts alone: --ask parts"),
         Purpose::DirectGuess => ("how heavy the object is", "--direct", ""),
     };
     format!(
-        "{what} ({miss}), which {option} asks for in view {view}\nAsk a model: --lmm-url URL --lmm-model NAME with the key in \
-         OPENAI_API_KEY; or answer by hand or elsewhere: gprop query SCENE {option} --export DIR, then gprop query SCENE {option} \
-         --import DIR{or_else}"
+        "{what} ({miss}), which {option} asks for in view {view}\n{}{or_else}",
+        ways_to_answer(scene, option, false)
     )
 }
 
@@ -274,7 +305,7 @@ fn listed(missing: &[MissingAnswer]) -> String {
         }
     }
     let line = |(view, reason, ids): (&str, String, Vec<String>)| {
-        let word = if ids.len() == 1 { "question" } else { "questions" };
+        let word = if ids.len() == 1 { "region" } else { "regions" };
         format!("\n  view {view}, {word} {} ({reason})", ids.join(", "))
     };
     lines.into_iter().map(line).collect()

@@ -6,6 +6,7 @@ mod force_scale;
 mod motion;
 mod page;
 mod pictures;
+mod provisional;
 pub(crate) mod style;
 mod summary;
 mod tables;

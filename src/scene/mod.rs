@@ -207,7 +207,8 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     // Messages name places, which users look up in the splat.
     if let Some(set_aside) = object::outliers::set_aside(as_read.as_mut().unwrap_or(&mut object), progress)? {
         if set_aside.are_few() {
-            found.notes.push(set_aside.to_string());
+            let look = "nothing needs to be done, unless `gprop inspect SCENE --html FILE` shows that a piece of the object is missing";
+            found.notes.push(format!("{set_aside}; {look}"));
         } else {
             let remedy = "if the report shows that something of the object is missing, train the splat again";
             found.warnings.push(format!("{set_aside}; {remedy}"));

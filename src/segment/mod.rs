@@ -127,9 +127,11 @@ impl ViewSegments {
     pub fn warning(&self) -> Option<String> {
         match self.segments.as_slice() {
             [] => Some(format!("view {} has no foreground and therefore no segments", self.view)),
-            [only] if only.is_rest() => {
-                Some(format!("SAM found no segments in view {}; using the whole object as one segment", self.view))
-            }
+            [only] if only.is_rest() => Some(format!(
+                "SAM found no segments in view {}; using the whole object as one segment, so this view separates no parts. \
+                     If several views do this, try --level small, or check the photo and its mask with `gprop inspect`",
+                self.view
+            )),
             _ => None,
         }
     }

@@ -254,9 +254,15 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     let mut values: BTreeMap<&str, f64> = known.parameters.iter().map(|(key, value, _)| (*key, *value)).collect();
     for text in given {
         let (key, value) = text.split_once('=').unwrap_or((text, ""));
-        let slot = values
-            .get_mut(key)
-            .ok_or_else(|| bad(format!("`{name}` has no parameter `{key}`: see `gprop simulate --list`")))?;
+        let slot = values.get_mut(key).ok_or_else(|| {
+            // A part's property looks like a parameter.
+            let instead = if key.contains('.') {
+                format!("; a part is corrected with `--correct {text}`")
+            } else {
+                String::new()
+            };
+            bad(format!("`{name}` has no parameter `{key}`: see `gprop simulate --list`{instead}"))
+        })?;
         *slot = value
             .parse()
             .ok()

@@ -99,8 +99,10 @@ impl<'a> AnsweredSubjects<'a> {
         }
         if !unanswered.is_empty() {
             let (count, list) = (unanswered.len(), shortened(&unanswered));
+            // A part counts once in each view that shows it.
+            let region = if what == "part" { "region" } else { what };
             let (of, cast) = (
-                counted(found.in_maps, what),
+                counted(found.in_maps, region),
                 agreeing(
                     count,
                     "has no answer, so what it shows takes the material around it",

@@ -199,7 +199,8 @@ pub enum WorkDirError {
     #[error("{path:?} is not what gprop wrote: {problem}; delete it and run again")]
     Damaged { path: PathBuf, problem: String },
     #[error(
-        "another gprop {holder} {path:?}; wait for it to end or choose another work folder (--out; for `gprop export`, --work)"
+        "another gprop {holder} {path:?}; wait for it to end (the page of `gprop answer` ends with Ctrl-C in its terminal) or \
+         choose another work folder (--out; for `gprop export`, --work)"
     )]
     Locked { path: PathBuf, holder: lock::Holder },
     #[error("{path:?} was made with {input:?}, which is not in the scene; give the work folder with --out")]

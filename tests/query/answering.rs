@@ -230,6 +230,13 @@ fn the_served_page_goes_on_by_itself_and_says_how_the_mass_stands() {
             page.settle();
         }
     };
+    // Without a name, the first thing that is asked for is that.
+    page.evaluate("at('name').value = ''; 0");
+    page.click("#done");
+    assert_eq!((page.evaluate("document.activeElement.id"), shown("#nameless")), ("name".into(), true.into()));
+    "Ada".chars().for_each(|key| page.press_key(&key.to_string()));
+    assert_eq!(shown("#nameless"), false);
+    page.evaluate("focusOn(stops()[0]); 0");
     page.answer(&a("wood").chars().take(6).collect::<String>(), "a ball");
     wait_for("1 of 6 questions answered. Mass so far:");
     page.reload();

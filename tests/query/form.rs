@@ -241,9 +241,14 @@ fn materials_are_found_by_their_names_and_only_they_are_taken() {
     assert_eq!((found("steel")[0].as_str(), found("soil")[0].as_str()), ("steel, mild", "soil, topsoil"));
     assert!(found("ash").iter().all(|name| name.starts_with("ash")), "{:?}", found("ash"));
     assert!(found("wood oak").iter().all(|name| name.contains("oak")), "the family and the name");
+    assert!(found("alumin")[..3].iter().all(|name| name.starts_with("alumin")), "{:?}", found("alumin"));
 
-    page.type_keys("unobtainium");
+    page.type_keys("terracota");
+    assert!(page.text(".combo li").starts_with("terracotta"), "{}", page.text(".combo ul"));
+    page.fill_in("material", 0, "unobtainium");
     page.enter();
+    let problem = page.problem("material");
+    assert!(problem.starts_with("\"unobtainium\" is not in the library"), "{problem}");
     for (field, text) in [("caption", "a part"), ("confidence", "90")] {
         page.fill_in(field, 0, text);
     }
@@ -251,7 +256,11 @@ fn materials_are_found_by_their_names_and_only_they_are_taken() {
         page.choose(field, 0);
     }
     assert_eq!(page.problem("confidence"), "Only 0 to 1 is possible.", "never clamped");
-    page.fill_in("confidence", 0, "0.9");
+    for (typed, number) in [("90%", "0.9"), ("0,8", "0.8"), ("0.9", "0.9")] {
+        page.fill_in("confidence", 0, typed);
+        let read = page.evaluate("String(reading(entryOf(queries[0]), 'confidence').value)");
+        assert_eq!((page.problem("confidence").as_str(), read), ("", number.into()), "{typed}");
+    }
     assert_eq!(page.text("#state"), "0 of 2 answered", "there is no such material");
     page.fill_in("material", 0, "oak");
     page.enter();
@@ -276,10 +285,14 @@ fn an_answer_is_given_to_several_parts_at_once_and_offered_to_others() {
     let test = "an_answer_is_given_to_several_parts_at_once_and_offered_to_others";
     let Some(page) = Page::open(test, &url, "#fields input") else { return };
     page.evaluate("document.getElementById('others').open = true");
-    let others = page.evaluate("document.querySelectorAll('#others button').length");
-    assert_eq!(others, 3);
+    let marked = || page.evaluate("marks().filter((one) => one.ariaPressed === 'true').length");
+    assert_eq!(page.evaluate("marks().length"), 3);
+    page.click("#all");
+    assert_eq!(marked(), 3);
+    page.click("#all");
+    assert_eq!(marked(), 0, "a second click takes them back");
     // The questions are in the order of the parts: the second is about the same part, the third and fourth about another.
-    page.click("#others button:nth-child(2)");
+    page.click("#others > div button:nth-child(2)");
     page.focus(".combo input");
     page.answer(&a("wood").chars().take(6).collect::<String>(), "a leaf");
     assert_eq!(page.text("#state"), "2 of 4 answered");
@@ -304,7 +317,7 @@ fn what_looks_alike_is_offered_together() {
     export(&out, &queries, &recordings(&home.path().join("recorded")));
     let url = format!("file://{}", out.join("form.html").display());
     let Some(page) = Page::open("what_looks_alike_is_offered_together", &url, "#fields input") else { return };
-    let colors = "[...document.querySelectorAll('#others button')].map((one) => one.query.color[1] - queries[0].color[1]).join()";
+    let colors = "marks().map((one) => one.query.color[1] - queries[0].color[1]).join()";
     // The same part first, in the views 002 and 001; then the other parts, in the views 000, 002 and 001.
     assert_eq!(page.evaluate(colors), "10,120,0,10,120");
 }
@@ -416,7 +429,11 @@ fn doubts_about_an_object_are_stated_and_what_is_impossible_is_refused() {
     assert_eq!(page.problem("hypotheses.0.probability"), "10 % are left: together they make 100 %.");
     page.fill_in("hypotheses.0.probability", 0, "80");
     assert_eq!(page.problem("hypotheses.1.probability"), "10 % too much: together they make 100 %.");
-    page.fill_in("hypotheses.0.probability", 0, "70");
+    page.fill_in("hypotheses.0.probability", 0, "0.7");
+    assert_eq!(page.problem("hypotheses.0.probability"), "0.7 %, or 70 %? Type 0.7% or 70%.");
+    page.fill_in("hypotheses.0.probability", 0, "70%");
+    page.fill_in("hypotheses.1.mass_g", 0, "1,500");
+    assert_eq!(page.problem("hypotheses.1.mass_g"), "1.500, or 1500? Type it without the comma.");
     page.fill_in("hypotheses.1.mass_g", 0, "50");
     page.fill_in("hypotheses.1.mass_g", 1, "20");
     assert_eq!(page.problem("hypotheses.1.mass_g"), "The lowest number comes first.");
@@ -469,6 +486,8 @@ fn doubts_about_an_object_are_stated_and_what_is_impossible_is_refused() {
 
     // What is taken out leaves nothing behind that refers to it.
     page.evaluate("document.querySelectorAll('[data-name=hypotheses] .remove')[0].click()");
+    let hidden = "answers[queries[0].query].hypotheses[0]";
+    assert_eq!(page.evaluate(&format!("String([{hidden}.what, {hidden}.probability])")), ",");
     page.evaluate(
         "document.querySelectorAll('[data-name=pieces] > div > .list > .item:last-of-type > .remove')[0].click()",
     );

@@ -84,11 +84,11 @@ fn masks_that_differ_more_are_missing_each_by_name() {
     let queries = prepare(&[moved, other_photo], &prompts, &replay);
     let error = run(&queries, &recordings(folder.path()), None).unwrap_err();
     let text = error.to_string();
-    let QueryError::Missing { questions: 4, missing } = error else { panic!("{text}") };
+    let QueryError::Missing { questions: 4, missing, .. } = error else { panic!("{text}") };
     assert_eq!(missing.len(), 4);
-    assert!(text.contains("view 000, question 1 (the answers recorded for this photo are about other regions of it: the nearest overlaps this one by 75 %, and 90 % would do)"), "{text}");
-    assert!(text.contains("view 001, questions 1, 2 (nothing is recorded for this photo)"), "{text}");
-    assert!(text.contains("--lmm-url") && text.contains("--export"), "{text}");
+    assert!(text.contains("view 000, region 1 (the answers recorded for this photo are about other regions of it: the nearest overlaps this one by 75 %, and 90 % would do)"), "{text}");
+    assert!(text.contains("view 001, regions 1, 2 (nothing is recorded for this photo)"), "{text}");
+    assert!(text.contains("gprop answer SCENE;") && text.contains("--lmm-url") && text.contains("--export"), "{text}");
 }
 
 #[test]

@@ -284,11 +284,36 @@ fn corrections_are_written_for_the_scene() {
                input.dispatchEvent(new Event('input', {{ bubbles: true }})); }}"
         ));
     };
-    let is_unknown = format!("document.querySelector('tr[data-part=\"{id}\"] td small').checkVisibility()");
-    fill_in("material", "unobtainium");
-    assert_eq!(page.evaluate(&is_unknown), true);
+    let problem = |name: &str| page.text(&format!("#correct tr[data-part='{id}'] input[name={name}] + small"));
+    let is_made = "document.getElementById('corrections-made').checkVisibility()";
+    for (name, text, words) in [
+        ("material", "unobtainium", "\"unobtainium\" is not in the library"),
+        ("material", "terracota", "the nearest are terracotta"),
+        ("wall", "abc", "Give the wall's thickness with its unit"),
+        ("wall", "4-2", "The lowest number comes first."),
+        ("wall", "2000", "A wall is 0.001 mm to 1 m thick."),
+        ("density", "heavy", "Give a density with its unit"),
+        ("density", "2,7g/cm3", "Decimals follow a point"),
+        ("filling", "moon dust", "\"moon dust\" is not in the library"),
+        ("share", "150", "A share is 1 to 100 %."),
+    ] {
+        fill_in(name, text);
+        assert!(problem(name).contains(words), "{name} {text}: {}", problem(name));
+        assert_eq!(page.evaluate(is_made), false, "nothing is written that the program would refuse");
+        fill_in(name, "");
+        assert_eq!(problem(name), "");
+    }
+    fill_in("wall", "none");
+    fill_in("filling", "water");
+    assert!(problem("filling").contains("no hollow"), "{}", problem("filling"));
+    fill_in("wall", "3mm");
+    fill_in("share", "80");
+    assert_eq!(problem("filling"), "");
+    fill_in("filling", "");
+    fill_in("share", "");
+    fill_in("material", "white ash");
+    assert_eq!(problem("material"), "", "a name in another order is known too");
     fill_in("material", "ash, white");
-    assert_eq!(page.evaluate(&is_unknown), false);
     fill_in("wall", "2-4");
     fill_in("density", "600-700 kg/m3");
     let text = page.text("#corrections");

@@ -275,7 +275,7 @@ fn inspect_shows_what_is_up_and_fails_if_that_is_in_doubt() {
     assert_eq!(code, Some(0), "{text}{error}");
     let line = text.lines().find(|line| line.starts_with("up ")).unwrap();
     assert!(
-        line.contains("the normal of the surface under the objects") && line.contains("with z up, the object is"),
+        line.contains("at right angles to the surface under the objects") && line.contains("with z up, the object is"),
         "{line}"
     );
     assert!(std::fs::read_to_string(page).unwrap().contains("up an arrow"));

@@ -126,6 +126,8 @@ fn wrong_names_are_refused_with_what_there_is() {
         assert!(why(named("drop", &[format!("height={height}")])).contains(&format!("height is {height}")));
     }
     assert!(why(named("drop", &["tilt=361".to_owned()])).contains("tilt is 361"));
+    let of_part = why(named("drop", &["head.material=steel".to_owned()]));
+    assert!(of_part.contains("`--correct head.material=steel`"), "{of_part}");
     assert!(why(Script::from_toml("drop_height = nan")).contains("height is NaN"));
     for wrong in
         ["to = inf\ndo = \"hold\"", "do = { draw = { speed = nan } }", "do = { force = { weights = [0, 0, inf] } }"]

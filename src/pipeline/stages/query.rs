@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::camera::Camera;
 use crate::consensus::{self, AskAbout};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gaussians::bounds::least_box;
 use crate::query::ask::hints;
 use crate::query::{
     AnswerSource, Answers, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion, Preview,
-    Purpose, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
+    Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
 };
 use crate::scene::{ScaleChoice, Scene, View};
 use crate::segment::LabelMap;
@@ -21,6 +21,7 @@ use crate::units::{MetricScale, Range};
 use crate::words::output::{agreeing, counted};
 use crate::words::part_name::part_name;
 use crate::words::readable::significant;
+use crate::words::shell;
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
 
 use super::recognized::Recognized;
@@ -78,8 +79,9 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let work = &open.work;
     let about = FoundSubjects::of(open)?;
     let session = session_of(open, &about, &open.options.query)?;
-    let Answered { mut answers, size: file, mut recognition } =
-        session.answer_with_size(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer))?;
+    let answered =
+        session.answer_with_size(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer));
+    let Answered { mut answers, size: file, mut recognition } = answered.map_err(|error| about_scene(error, open))?;
     settle(answers.all.iter_mut().map(|answer| &mut answer.outcome));
     settle(questions_in(recognition.as_mut()).filter_map(|question| question.outcome.as_mut()));
     let jsonl = answers.to_jsonl();
@@ -123,6 +125,14 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
         .noting(notes(&answers).into_iter().chain(served).chain(followed).collect());
     // Recordings are part of the key, and asking may have added some.
     Ok(Done { digest: Some(digest), key: Some(key(open, job.inputs.clone())?), ..done })
+}
+
+/// The error, with commands that name the scene if it names any.
+fn about_scene(error: Error, open: &OpenScene) -> Error {
+    match error.downcast::<QueryError>() {
+        Ok(missing) => missing.about(&shell::path(&open.path)).into(),
+        Err(other) => other,
+    }
 }
 
 /// The questions about parts that followed the one about the object.

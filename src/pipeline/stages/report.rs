@@ -67,13 +67,14 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
 }
 
 /// The file in which corrections are saved, and where.
-fn place_for_corrections(open: &OpenScene) -> CorrectionsFile {
+fn place_for_corrections(open: &OpenScene) -> CorrectionsFile<'_> {
     let path = corrections_file(&open.path, open.options.scene.object);
     let mesh = open.path.file_name().filter(|_| open.scene.mesh.is_some() && open.path.is_file());
     CorrectionsFile {
         name: path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
         place: mesh
             .map_or_else(|| "in the scene's folder".to_owned(), |mesh| format!("beside {}", mesh.to_string_lossy())),
+        library: &open.library,
     }
 }
 

@@ -3,11 +3,12 @@
 const at = (id) => document.getElementById(id);
 let place = 0;
 
-/* In a served page, what is recorded is answered, even if this browser does not have it, and what gprop refused is not. */
+/* In a served page, what is recorded is answered, even if this browser does not have it, and nothing else is: neither what gprop
+   refused, nor what was not sent yet. */
 const isRecorded = (query) => Boolean(served?.recorded.includes(query.query));
 const refused = new Set();
 const isLacking = (query) => !isRecorded(query) && isIncomplete(entryOf(query));
-const isOpen = (query) => refused.has(query.query) || isLacking(query);
+const isOpen = (query) => refused.has(query.query) || (served ? !isRecorded(query) : isLacking(query));
 
 /* Keeps what was typed in the browser, and shows what follows from it. */
 function keep() {
@@ -78,12 +79,20 @@ function showOthers(query) {
   at("others").open = false;
   at("others").firstElementChild.textContent = "The same answer for other pictures (those that look alike first)";
   at("others").lastElementChild.replaceChildren(...others.slice(0, MOST_OTHERS).map(button));
+  at("all").hidden = others.length < 2;
+}
+const marks = () => [...at("others").querySelectorAll("[aria-pressed]")];
+
+/* Marks all of the pictures, or none if all are marked. */
+function markAll() {
+  const to = String(marks().some((one) => one.ariaPressed !== "true"));
+  for (const one of marks()) one.ariaPressed = to;
 }
 const MOST_OTHERS = 60;
 
 /* Gives the answer to the marked pictures too. */
 function share(query) {
-  for (const { query: other } of at("others").querySelectorAll("[aria-pressed=true]")) {
+  for (const { query: other } of marks().filter((one) => one.ariaPressed === "true")) {
     answers[other.query] = structuredClone(answerTo(query));
     leave(other);
   }
@@ -103,6 +112,7 @@ function go(step) {
 
 /* The next question, if this one is complete; otherwise what it lacks. After the last, the first that is open. */
 function next() {
+  if (served && !hasName()) return;
   if (isLacking(queries[place])) {
     const rows = [...document.querySelectorAll("#fields .field")];
     for (const row of rows) row.classList.toggle("lacking", row.lacks());
@@ -132,10 +142,10 @@ function lineWith(query) {
 const lines = () => queries.map((query) => lineWith(query) + "\n");
 
 function hasName() {
-  if (at("name").value.trim()) return true;
-  at("state").textContent = "Please type your name first: it is kept with the answers.";
-  at("name").focus();
-  return false;
+  const has = Boolean(at("name").value.trim());
+  at("nameless").hidden = has;
+  if (!has) at("name").focus();
+  return has;
 }
 
 function save() {
@@ -205,6 +215,7 @@ const tell = (sentences) => at("standing").replaceChildren(...sentences.map((tex
 at("back").addEventListener("click", () => go(-1));
 at("next").addEventListener("click", () => go(1));
 at("save").addEventListener("click", save);
+at("all").addEventListener("click", markAll);
 at("form").addEventListener("submit", (event) => { event.preventDefault(); next(); });
 at("fields").addEventListener("keydown", (event) => {
   if (event.key !== "Enter" || event.target.matches("summary, button")) return;
@@ -217,5 +228,8 @@ document.addEventListener("keydown", (event) => {
 });
 at("name").value = localStorage.getItem("gprop name") || served?.name || "";
 if (served) tell(served.standing);
-at("name").addEventListener("input", () => localStorage.setItem("gprop name", at("name").value));
+at("name").addEventListener("input", () => {
+  localStorage.setItem("gprop name", at("name").value);
+  at("nameless").hidden = true;
+});
 if (queries.length) start(); else at("place").textContent = "no questions are left";

@@ -85,8 +85,13 @@ struct Reply<'a> {
     problem: Option<&'a str>,
 }
 
-/// Rules, controls and navigation, in the order in which the page runs them.
-const SCRIPT: &str = concat!(include_str!("form_answer.js"), include_str!("form_controls.js"), include_str!("form.js"));
+/// Likeness of names, rules, controls and navigation, in the order in which the page runs them.
+const SCRIPT: &str = concat!(
+    include_str!("../../materials/nearest.js"),
+    include_str!("form_answer.js"),
+    include_str!("form_controls.js"),
+    include_str!("form.js")
+);
 
 impl Form {
     /// Adds the questions that it does not have yet. Two subjects with the same picture share one question. `part_of` returns

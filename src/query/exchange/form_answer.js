@@ -62,7 +62,7 @@ function groupsOf({ record, siblings, answer }) {
   const under = record.under?.length ? record.under : answer.hypotheses.map((_, number) => number + 1);
   return under.map((hypothesis) => {
     const group = siblings.filter((other) => !other.under?.length || other.under.includes(hypothesis));
-    const given = group.map((other) => numbersFrom(other.probability, 1, [0, 100]).value?.[0]);
+    const given = group.map((other) => numbersFrom(other.probability, 1, [0, 100], "probability").value?.[0]);
     return { left: 1 - given.reduce((sum, percent = 0) => sum + percent / 100, 0), open: given.filter((percent) => percent === undefined).length };
   });
 }
@@ -80,11 +80,32 @@ function problemOfShare(entry) {
   return undefined;
 }
 
+/* Fields in which 1 is all of it: they may be typed in percent, too. */
+const SHARES = ["confidence", "fill_share"];
+
+/* A number as people type it, such as 1,5 or 80%, or the problem with it. What may mean two things is asked about. */
+function numberFrom(text, name) {
+  const [, digits, sign] = text.match(/^(.*?)\s*(%?)$/s);
+  if (/^[1-9]\d{0,2}(,\d{3})+$/.test(digits)) {
+    return { problem: `${digits.replace(",", ".")}, or ${digits.replaceAll(",", "")}? Type it without the comma.` };
+  }
+  const number = Number(digits.replace(",", "."));
+  if (!digits || !Number.isFinite(number)) return { problem: "This is not a number." };
+  if (sign && name !== "probability") return SHARES.includes(name) ? { number: number / 100 } : { problem: "This is not measured in percent." };
+  if (!sign && name === "probability" && number > 0 && number < 1) {
+    const percent = Math.round(1e4 * number) / 100;
+    return { problem: `${number} %, or ${percent} %? Type ${number}% or ${percent}%.` };
+  }
+  return { number };
+}
+
 /* Numbers that were typed, within what is possible; one number alone is both ends of a range of two. */
-function numbersFrom(typed, count, [lowest, highest]) {
-  const given = [].concat(typed ?? []).map((text) => String(text).trim()).filter(Boolean), numbers = given.map(Number);
+function numbersFrom(typed, count, [lowest, highest], name) {
+  const given = [].concat(typed ?? []).map((text) => String(text).trim()).filter(Boolean);
   if (!given.length) return {};
-  if (!numbers.every(Number.isFinite)) return { problem: "This is not a number." };
+  const read = given.map((text) => numberFrom(text, name)), numbers = read.map(({ number }) => number);
+  const problem = read.find(({ problem }) => problem)?.problem;
+  if (problem) return { problem };
   if (count === 3 && given.length < count) return { problem: "All three numbers are needed." };
   if (numbers.some((number) => number < lowest || number > highest)) {
     return { problem: `Only ${lowest.toLocaleString("en")} to ${highest.toLocaleString("en")} is possible.` };
@@ -99,14 +120,24 @@ const limitsOf = (entry, name) => (name === "probability" ? [0, 100] : lineOf(li
    percent. */
 function reading(entry, name) {
   const property = entry.schema.properties[name], typed = entry.record[name];
-  if (isRange(property)) return numbersFrom(typed, property.minItems, limitsOf(entry, name));
+  if (isRange(property)) return numbersFrom(typed, property.minItems, limitsOf(entry, name), name);
   if (isNumber(property)) {
-    const { value, problem } = numbersFrom(typed, 1, limitsOf(entry, name));
+    const { value, problem } = numbersFrom(typed, 1, limitsOf(entry, name), name);
     return { value: value && (name === "probability" ? value[0] / 100 : value[0]), problem };
   }
   const value = typeof typed === "string" ? typed.trim() : typed;
-  if (name === "filling" && value && !fillings.includes(value)) return { problem: "Choose a name from the list." };
+  if (name === "filling" && value && !fillings.includes(value)) return { problem: isNotThere(value, nearestOf(value, fillings, (filling) => filling)) };
+  if (name === "material" && !value && entry.record.not_taken) return { problem: problemOfMaterial(entry) };
   return { value: value == null || value.length === 0 ? undefined : value };
+}
+
+const isNotThere = (typed, nearest) =>
+  `"${typed}" is not in the library${nearest.length ? `; the nearest ${nearest.length > 1 ? "are" : "is"} ${nearest.join("; ")}` : ""}.`;
+
+/* What was typed as a material, and is none until it is chosen from the list. */
+function problemOfMaterial({ query, record: { not_taken: typed } }) {
+  const found = matching(query, typed).slice(0, 5).map(({ material }) => material);
+  return found.length ? `Choose a material from the list, such as ${found.join("; ")}.` : isNotThere(typed, likeTyped(query, typed).map(({ material }) => material));
 }
 
 function problemOf(entry, name) {

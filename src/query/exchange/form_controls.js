@@ -137,8 +137,6 @@ const choicesOf = ({ prompt, schema }) => {
 };
 const choices = texts.map(choicesOf);
 
-const wordsIn = (text) => text.toLowerCase().split(/[^\p{L}\p{N}]+/u).filter(Boolean);
-
 /* How well a material fits a word: it is in the name, in another name or the family, one of these begins with it, or it is part of
    a longer word. */
 function rank({ material, found }, word) {
@@ -154,8 +152,14 @@ function isNamed({ material, names }, text) {
   return is(material.split(",")[0]) || names.some((name) => name.toLowerCase().endsWith(" " + typed)) ? 1 : 0;
 }
 
+/* 2 if the name begins with the text, 1 if another name does. */
+function begins({ material, names }, text) {
+  const typed = wordsIn(text).join(" "), is = (name) => wordsIn(name).join(" ").startsWith(typed);
+  return is(material) ? 2 : names.some(is) ? 1 : 0;
+}
+
 /* The materials that have all of the words in their name, family or other names, the best first: those that are called just so,
-   then by their ranks. Parts of longer words count only if there is nothing better. */
+   then those that begin so, then by their ranks. Parts of longer words count only if there is nothing better. */
 function matching(query, text) {
   const words = wordsIn(text);
   const all = choices[query.text].filter((choice) => words.every((word) => choice.found.includes(word)));
@@ -164,9 +168,13 @@ function matching(query, text) {
   const whole = ranked.filter(({ ranks }) => Math.max(...ranks) < 3);
   const sum = ({ ranks }) => ranks.reduce((total, one) => total + one, 0);
   return (whole.length ? whole : ranked)
-    .sort((a, b) => isNamed(b.choice, text) - isNamed(a.choice, text) || sum(a) - sum(b) || a.choice.material.length - b.choice.material.length)
+    .sort((a, b) => isNamed(b.choice, text) - isNamed(a.choice, text) || begins(b.choice, text) - begins(a.choice, text)
+      || sum(a) - sum(b) || a.choice.material.length - b.choice.material.length)
     .map(({ choice }) => choice);
 }
+
+/* The materials whose names are likest to a text that none has, as to a misspelling. */
+const likeTyped = (query, text) => nearestOf(text, choices[query.text], ({ found }) => found);
 
 /* The other name by which a material was found, if it is not its own. */
 function otherName({ material, names }, text) {
@@ -180,15 +188,16 @@ function materialControl(entry) {
   const list = make("ul", { role: "listbox", hidden: true, id });
   for (const [name, to] of [["role", "combobox"], ["aria-controls", id], ["aria-expanded", "false"]]) input.setAttribute(name, to);
   let found = [], marked = 0;
+  /* -1: none is marked yet, and Enter takes none. */
   const mark = (to) => {
-    marked = Math.min(Math.max(to, 0), found.length - 1);
+    marked = Math.min(Math.max(to, -1), found.length - 1);
     [...list.children].forEach((item, number) => item.setAttribute("aria-selected", String(number === marked)));
     list.children[marked]?.scrollIntoView({ block: "nearest" });
   };
   const open = (isOpen) => { list.hidden = !isOpen; input.setAttribute("aria-expanded", String(isOpen)); };
   const suggest = () => {
-    const all = matching(query, input.value);
-    found = all.slice(0, SUGGESTIONS);
+    const all = matching(query, input.value), isFound = all.length > 0;
+    found = isFound ? all.slice(0, SUGGESTIONS) : likeTyped(query, input.value);
     list.replaceChildren(...found.map((choice, number) => {
       const more = [choice.family, otherName(choice, input.value)].filter(Boolean).join(": ");
       const item = make("li", { role: "option" }, choice.material, " ", make("small", {}, more));
@@ -196,8 +205,9 @@ function materialControl(entry) {
       return item;
     }));
     if (all.length > found.length) list.append(make("li", { className: "more" }, `${all.length - found.length} more: keep typing`));
+    if (!isFound) list.append(make("li", { className: "more" }, found.length ? "these are the nearest; what you typed is not in the library" : "not in the library"));
     open(true);
-    mark(0);
+    mark(isFound ? 0 : -1);
   };
   /* Fills in what the library knows, except what is saved anyway if it is left open. */
   const take = (number) => {
@@ -205,22 +215,28 @@ function materialControl(entry) {
     for (const name of Object.keys(schema.properties)) {
       if (name in fields && !lineOf(fallbacks, entry, name)) record[name] = fields[name];
     }
+    record.not_taken = undefined;
     input.value = fields.material;
     open(false);
     keep();
     goOn(input);
   };
-  input.addEventListener("input", () => { record.material = undefined; keep(); if (input.value.trim()) suggest(); else open(false); });
+  input.addEventListener("input", () => { record.material = record.not_taken = undefined; keep(); if (input.value.trim()) suggest(); else open(false); });
   input.addEventListener("focus", () => { input.select(); if (record.material === undefined && input.value.trim()) suggest(); });
-  input.addEventListener("blur", () => open(false));
+  input.addEventListener("blur", () => {
+    open(false);
+    if (record.material !== undefined || !input.value.trim()) return;
+    record.not_taken = input.value.trim();
+    keep();
+  });
   input.addEventListener("keydown", (event) => {
     const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
-    if (step && !event.altKey) { event.preventDefault(); if (list.hidden) suggest(); else mark(marked + step); }
+    if (step && !event.altKey) { event.preventDefault(); if (list.hidden) suggest(); else mark(Math.max(marked + step, 0)); }
     if (event.key === "Escape") open(false);
-    if (event.key === "Enter" && !list.hidden && found.length) { event.preventDefault(); event.stopPropagation(); take(marked); }
+    if (event.key === "Enter" && !list.hidden && found[marked]) { event.preventDefault(); event.stopPropagation(); take(marked); }
   });
   const combo = make("span", { className: "combo" }, input, list);
-  combo.update = (typed) => { if (input !== document.activeElement) input.value = typed ?? ""; };
+  combo.update = (typed) => { if (input !== document.activeElement) input.value = typed ?? record.not_taken ?? ""; };
   return combo;
 }
 
@@ -238,7 +254,13 @@ function listControl(entry, name) {
   };
   const item = (one, number) => {
     const remove = make("button", { type: "button", className: "remove", hidden: record[name].length <= (property.minItems || 0) }, REMOVE[name] || "Remove");
-    remove.addEventListener("click", () => { removed(entry, name, number); draw(); keep(); add.focus(); });
+    remove.addEventListener("click", () => {
+      removed(entry, name, number);
+      clearHidden(entryOf(query));
+      draw();
+      keep();
+      add.focus();
+    });
     if (!folds) return make("div", { className: "item" }, ...rowsOf(one), remove);
     return make("details", { className: "item", name, open: number === record[name].length - 1 }, make("summary"), ...rowsOf(one), remove);
   };
@@ -266,6 +288,15 @@ function removed({ answer, record }, name, number) {
   if (name !== "hypotheses") return;
   for (const choice of answer.pieces.flatMap((piece) => piece.choices)) {
     choice.under = without(choice.under, number + 1).map((place) => (place > number + 1 ? place - 1 : place));
+  }
+}
+
+/* Forgets what was typed into fields that are hidden now, so that it does not come back with the next item. The numbers of a piece
+   are kept: they say what is left for another. */
+function clearHidden(entry) {
+  for (const name of namesOf(entry.schema)) {
+    if (isList(entry.schema.properties[name])) entriesOf(entry, name).forEach(clearHidden);
+    else if (name !== "numbers" && !isShown(entry, name)) delete entry.record[name];
   }
 }
 

@@ -100,7 +100,7 @@ impl std::fmt::Display for Miss {
             Self::View => f.write_str("nothing is recorded for this photo"),
             Self::Prompt => f.write_str("recorded only for another prompt, library or model"),
             Self::Mask { iou } if percent(*iou) == 0.0 => {
-                f.write_str("no answer recorded for this photo is about this region of it")
+                f.write_str("the answers recorded for this photo are all about other regions of it")
             }
             Self::Mask { iou } => write!(
                 f,

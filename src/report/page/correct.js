@@ -1,32 +1,91 @@
-// Corrections: what is typed about parts, with what is corrected already, becomes the scene's file of corrections.
+// Corrections: what is typed about parts, with what is corrected already, becomes the scene's file of corrections. What the program
+// would refuse is refused here, by the same rules.
 "use strict";
 (() => {
   const byId = (id) => document.getElementById(id);
   const box = byId("correct"), rows = [...box.querySelectorAll("tr[data-part]")], text = byId("corrections"), link = byId("corrections-file"), copy = byId("corrections-copy");
-  const materials = new Set([...byId("materials").options].map((option) => option.value));
-  /* A number alone is in this unit. */
-  const units = { wall: "mm", density: "kg/m3" };
+  const { materials, fillings, spellings } = JSON.parse(byId("library").textContent);
+  const EMPTY = "empty";
+
+  /* A name as the program compares it. */
+  const folded = (name) => wordsIn(name).map((word) => spellings[word] ?? word).join(" ");
+  const inverted = (name) => (name.split(",").length === 2 ? name.split(",").reverse().map((part) => part.trim()).join(" ") : name);
+  const names = new Set(materials.flatMap(({ name, aliases }) => [name, inverted(name), ...aliases, ...aliases.map(inverted)]).map(folded));
+  const fillingNames = new Set([EMPTY, ...fillings].map(folded));
 
   const onOneLine = (words) => words.replace(/\p{Cc}+/gu, " ");
+  /* A number alone is in this unit; a share over 1 is in percent. */
+  const units = { wall: () => "mm", density: () => "kg/m3", share: (typed) => (typed.split("-").some((end) => Number(end) > 1) ? "%" : "") };
   const valueOf = ({ name, value }) => {
     const typed = onOneLine(value).trim();
-    return units[name] && /^[\d.\s-]+$/.test(typed) ? typed.replaceAll(" ", "") + units[name] : typed;
+    return units[name] && /^[\d.\s-]+$/.test(typed) ? typed.replaceAll(" ", "") + units[name](typed) : typed;
   };
+
+  // --- What is refused.
+
+  /* Units with how much of the SI unit one is, and the least and most that is possible in that. */
+  const quantities = {
+    wall: { units: [["mm", 1e-3], ["cm", 1e-2], ["m", 1]], within: [1e-6, 1], form: "Give the wall's thickness with its unit, such as 3mm or 2-4mm, or none for a solid.", limits: "A wall is 0.001 mm to 1 m thick." },
+    density: { units: [["kg/m3", 1], ["kg/m³", 1], ["g/cm3", 1e3], ["g/cm³", 1e3]], within: [1, 22600], form: "Give a density with its unit, such as 2700kg/m3 or 600-700kg/m3.", limits: "A density is 1 to 22,600 kg/m3." },
+    share: { units: [["%", 1e-2], ["", 1]], within: [0.01, 1], form: "Give the share of the hollow that is filled, such as 80% or 70-90%.", limits: "A share is 1 to 100 %." },
+  };
+  function problemOfQuantity(key, value) {
+    const { units, within: [least, most], form, limits } = quantities[key];
+    if (/\d,\d/.test(value)) return `${form} Decimals follow a point, not a comma.`;
+    const [unit, factor] = units.find(([unit]) => value.endsWith(unit)) ?? [];
+    const number = "\\s*(\\d+\\.?\\d*|\\.\\d+)\\s*", ends = unit === undefined ? null : value.slice(0, value.length - unit.length).match(`^${number}(?:-${number})?$`);
+    if (!ends) return form;
+    const [low, high = low] = ends.slice(1).filter(Boolean).map((end) => Number(end) * factor);
+    return low > high ? "The lowest number comes first." : low < least || high > most ? limits : "";
+  }
+  function problemOfName(typed, all, textOf) {
+    const nearest = nearestOf(typed, all, textOf).map((one) => one.name ?? one);
+    return `"${typed}" is not in the library${nearest.length ? `; the nearest ${nearest.length > 1 ? "are" : "is"} ${nearest.join("; ")}` : ""}.`;
+  }
+  /* The problem with a value alone. */
+  function problemOf(key, value) {
+    if (!value || key === "caption") return "";
+    if (quantities[key]) return key === "wall" && value.toLowerCase() === "none" ? "" : problemOfQuantity(key, value);
+    if (key === "filling") return fillingNames.has(folded(value)) ? "" : problemOfName(value, [EMPTY, ...fillings], (filling) => filling);
+    return names.has(folded(value)) ? "" : problemOfName(value, materials, ({ name, aliases }) => [name, ...aliases].join(" "));
+  }
+  /* The problem with what is said to be inside of a part, beside its wall. */
+  function problemOfInside(row, { wall, filling, share }) {
+    if (!filling && !share) return "";
+    const isShell = wall ? wall.toLowerCase() !== "none" : row.dataset.form === "shell", isFilled = Boolean(row.dataset.filled);
+    if (!isShell) return "It has no hollow to fill: say how thick its wall is.";
+    if (filling && filling.toLowerCase() !== EMPTY && !share && !isFilled) return "The answers do not say how full it is: give a share, such as 80%.";
+    return !filling && !isFilled ? "Nothing is known to be inside: say what is." : "";
+  }
+
+  const inputsOf = (row) => [...row.querySelectorAll("input")];
+  /* Shows the problems with what is typed about a part; true if there are any. */
+  function check(row) {
+    const values = Object.fromEntries(inputsOf(row).map((input) => [input.name, valueOf(input)]));
+    const problems = inputsOf(row).map(({ name }) => problemOf(name, values[name]) || (name === (values.filling ? "filling" : "share") ? problemOfInside(row, values) : ""));
+    inputsOf(row).forEach((input, n) => {
+      input.setAttribute("aria-invalid", String(problems[n] !== ""));
+      input.nextElementSibling.textContent = problems[n];
+    });
+    return problems.some(Boolean);
+  }
+
+  // --- What is written.
+
   /* The table of a part, if anything was typed about it. */
   function table(row) {
-    const keys = [...row.querySelectorAll("input")].filter(({ value }) => value.trim());
+    const keys = inputsOf(row).filter(({ value }) => value.trim());
     const lines = keys.map((input) => `${input.name} = ${JSON.stringify(valueOf(input))}`);
     return lines.length ? [`[part.${row.dataset.part}] # ${onOneLine(row.dataset.name)}`, ...lines, ""].join("\n") : "";
   }
   const begunWith = rows.map(table).join("");
   function write() {
+    const isRefused = rows.map(check).some(Boolean);
     text.textContent = rows.map(table).join("");
     link.href = "data:text/plain;charset=utf-8," + encodeURIComponent(text.textContent);
     // Without any, an empty file takes the place of the one that there is.
-    byId("corrections-made").hidden = !text.textContent && !begunWith;
-    for (const input of box.querySelectorAll("input[name=material]")) {
-      input.parentElement.querySelector("small").hidden = !input.value.trim() || materials.has(input.value.trim());
-    }
+    byId("corrections-made").hidden = isRefused || (!text.textContent && !begunWith);
+    byId("corrections-refused").hidden = !isRefused;
   }
   async function copyText() {
     getSelection().selectAllChildren(text);
@@ -44,7 +103,7 @@
     opener.addEventListener("click", (event) => {
       event.preventDefault();
       box.open = true;
-      box.querySelector(`tr[data-part="${opener.dataset.part}"] input`).focus();
+      box.querySelector(`tr[data-part="${opener.dataset.part}"] input[name=material]`).focus();
     });
   }
 })();

@@ -18,17 +18,18 @@ use minijinja::{Value, context};
 
 use crate::grasp::candidates::Candidate;
 use crate::grasp::{ForceRule, GraspReport, Limit};
-use crate::materials::MaterialLibrary;
 use crate::materials::stats::Provenance;
+use crate::materials::{Material, MaterialLibrary, SPELLINGS};
 use crate::parts::Part;
 use crate::pictures::palette;
-use crate::query::Answers;
+use crate::query::{Answers, Form};
 use crate::simulate::{RigidReport, SimulationReport, animation, plot, script};
 use crate::units::Estimate;
-use crate::vote::FieldLabel;
+use crate::vote::{Contents, FieldLabel};
 use crate::words::part_name::part_name;
 
 use super::force_scale::force_scale;
+use super::provisional::provisional;
 use super::style;
 use super::summary::bounds_in_words;
 use super::tables;
@@ -38,21 +39,24 @@ use crate::words::output::{counted, thousands};
 use crate::words::readable::{self, figures, interval, significant};
 
 /// The page's own scripts, in the order in which they build on each other.
-const SCRIPTS: [&str; 6] = [
+const SCRIPTS: [&str; 7] = [
     include_str!("motion.js"),
     include_str!("ground.js"),
     include_str!("timeline.js"),
     include_str!("page.js"),
     include_str!("compare.js"),
+    include_str!("../../materials/nearest.js"),
     include_str!("correct.js"),
 ];
 
-/// The file that corrections are saved in.
+/// The file that corrections are saved in, and what they may name.
 #[derive(Debug, Clone)]
-pub struct CorrectionsFile {
+pub struct CorrectionsFile<'a> {
     pub name: String,
     /// The place of the file in words, such as `in the scene's folder`.
     pub place: String,
+    /// The library of the run.
+    pub library: &'a MaterialLibrary,
 }
 
 /// The page of a report. `motion` is that of the cloud in the simulation.
@@ -62,20 +66,22 @@ pub fn page(
     pictures: &Pictures,
     cloud: &Cloud,
     motion: Option<&Motion>,
-    corrections: &CorrectionsFile,
+    corrections: &CorrectionsFile<'_>,
 ) -> String {
+    let provisional = provisional(answers, report.parts.as_ref().is_some_and(|parts| parts.belief.is_some()));
     let data = context! {
         report => Serde(report),
         counts => counts(report),
         scale => scale(report),
-        tiles => tiles(report),
+        tiles => tiles(report, provisional.is_some()),
+        provisional,
         viewer => Serde(viewer::viewer(report, cloud, motion)),
         cloud => Value::from_safe_string(BASE64.encode(&cloud.gzip)),
         motion => motion.map(|motion| Value::from_safe_string(BASE64.encode(&motion.gzip))),
         cloud_note => cloud_note(cloud),
         motion_note => motion.map(motion_note),
         parts => report.labels.iter().map(|label| part_row(label, report)).collect::<Vec<_>>(),
-        materials => MaterialLibrary::builtin().materials().iter().map(|row| &*row.name).collect::<Vec<_>>(),
+        library => library(corrections.library),
         corrections => context! { name => &corrections.name, place => &corrections.place },
         is_metric => report.parts.is_some(),
         weighing => report.parts.as_ref().map(|parts| sentences(parts, report.scene.claimed_mass_kg)),
@@ -100,6 +106,16 @@ fn cloud_note(cloud: &Cloud) -> String {
         format!("All {all} visible Gaussians are shown.")
     } else {
         format!("{shown} of {all} visible Gaussians are shown, evenly thinned and enlarged, to keep this file small.")
+    }
+}
+
+/// The names that a correction may have, as the page compares them.
+fn library(library: &MaterialLibrary) -> Value {
+    let material = |row: &Material| context! { name => &row.name, family => &row.family, aliases => &row.aliases };
+    context! {
+        materials => library.materials().iter().map(material).collect::<Vec<_>>(),
+        fillings => Serde(library.fillings().iter().map(|row| &row.name).collect::<Vec<_>>()),
+        spellings => BTreeMap::from(SPELLINGS),
     }
 }
 
@@ -157,10 +173,13 @@ fn scale(report: &Report) -> String {
     }
 }
 
-fn tiles(report: &Report) -> Vec<Value> {
+fn tiles(report: &Report, is_provisional: bool) -> Vec<Value> {
     let mut tiles = Vec::new();
     let is_estimated = report.parts.as_ref().is_some_and(|parts| parts.estimated_scale.is_some());
-    let named = |name: &str| if is_estimated { format!("{name} (estimated scale)") } else { name.to_owned() };
+    let doubts = [(is_provisional, "provisional"), (is_estimated, "estimated scale")];
+    let doubts: Vec<&str> = doubts.into_iter().filter_map(|(is_so, words)| is_so.then_some(words)).collect();
+    let named =
+        |name: &str| if doubts.is_empty() { name.to_owned() } else { format!("{name} ({})", doubts.join(", ")) };
     if let Some(parts) = &report.parts {
         let measured = |name, unit, estimate, factor| {
             let shown = figures(estimate, factor);
@@ -238,6 +257,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
         material => &label.material,
         family => &label.family,
         corrected => label.corrected.as_ref().map(ToString::to_string),
+        answered => answered(label),
         settings => label.corrected.iter().flat_map(|corrected| corrected.to.settings()).collect::<BTreeMap<_, _>>(),
         gaussians => report.gaussians_of(label),
         form => tables::form(label.form),
@@ -258,6 +278,17 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
             format!("{} Shore {}", interval(hardness.range.into(), 1.0), tables::shore(hardness.scale))
         }),
     }
+}
+
+/// What the answers say of a part's form, whatever is corrected: what the page needs to know to judge a correction.
+fn answered(label: &FieldLabel) -> Value {
+    let (form, filling) = match (&label.corrected, &label.inside) {
+        (Some(corrected), _) => (corrected.answered.form, corrected.answered.filling.as_deref()),
+        (None, Some(Contents::Filled(filled))) => (label.form, Some(&*filled.filling)),
+        (None, _) => (label.form, None),
+    };
+    let form = if matches!(form, Form::Shell { .. }) { "shell" } else { "whole" };
+    context! { form, filling => filling.filter(|filling| *filling != "empty") }
 }
 
 /// A colour in CSS notation.
