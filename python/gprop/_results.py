@@ -56,6 +56,8 @@ _GRASP: dict[str, _Shape] = {
     "width_m": (),
     "thickness_m": _ESTIMATE,
     "lever_m": (),
+    "touched_share": (),
+    "bend_rad": (),
     "force_n": (),
     "f_hold_n": (),
     "f_min_n": (),

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
@@ -10,6 +11,7 @@ use super::fingers::free_approach;
 use super::intervals::{Contact, Forces, Inputs};
 use super::places::{Place, Where, places};
 use super::surface::Surface;
+use super::touch::{Pads, Touch};
 use super::{GraspError, GripperProfile, Limit, Options, Reason};
 use crate::parts::Parts;
 use crate::units::{Estimate, GRAVITY_M_S2};
@@ -22,6 +24,13 @@ pub const REPORTED: usize = 5;
 /// over the friction cone, with this weight. Those at which the object may turn between the fingers come after the
 /// others, and those without a feasible force last.
 const MISALIGNMENT_WEIGHT: f64 = 0.25;
+/// Pads that touch with less of themselves do not hold: the hand can tilt about what little they press on. A round bar of a
+/// third of a pad's width touches with as much, and a pad whose middle lies beyond an edge with less.
+const LEAST_TOUCHED: f64 = 1.0 / 3.0;
+/// A part that the object's weight would bend by more, in radians, folds instead of carrying it.
+const FOLDS_RAD: f64 = 1.0;
+/// A pad that touches at one point resists no torque: the force that would hold is then large, not infinite.
+const LEAST_ARM_M: f64 = 1e-5;
 /// Two places are the same if their middles are within a finger's side and their axes within 30 degrees.
 const SAME_AXIS: f64 = 0.866;
 /// Obstacles are sorted into cells of at least this side, m: for a hand of some 50 mm, smaller cells only take longer.
@@ -52,6 +61,13 @@ pub struct Candidate {
     pub thickness_m: Estimate,
     /// The larger angle between the line of the contacts and the surface's normals there.
     pub misalignment_rad: f64,
+    /// The share of a pad that touches the object, of the pad that touches less.
+    pub touched_share: f64,
+    /// Mean distance of the pressure under a finger from its middle, over both fingers.
+    pub pressure_arm_m: f64,
+    /// By how much the object's weight would bend the part between the contacts and the centre of mass, in radians, if it did not
+    /// fold.
+    pub bend_rad: f64,
     /// Distance of the line of the contacts from the object's centre of mass.
     pub lever_m: f64,
     /// The force to press with, and the limit that sets it.
@@ -127,11 +143,14 @@ pub fn candidates(
             narrowest_mm: all.iter().map(Place::width_m).fold(f64::INFINITY, f64::min) * 1e3,
         });
     }
+    let positions: Vec<Point3<f64>> = object.surface.points.iter().map(|point| point.position).collect();
+    let pads = Pads::new(object.surface, &positions, gripper.contact_radius_m());
+    let touches: Vec<Touch> = fitting.par_iter().map(|place| pads.touch(place)).collect();
     let mut ranked = Vec::with_capacity(fitting.len());
     let mut left_out: BTreeMap<u32, GraspError> = BTreeMap::new();
-    for place in fitting {
-        match forces_at(object, &place, gripper, options) {
-            Ok(Some(forces)) => ranked.push((place, forces)),
+    for (place, touch) in fitting.into_iter().zip(touches) {
+        match grip_at(object, place, touch, gripper, options) {
+            Ok(Some(grip)) => ranked.push(grip),
             Ok(None) => {}
             Err(error @ GraspError::Property { .. }) => {
                 left_out.entry(place.part).or_insert(error);
@@ -148,32 +167,63 @@ pub fn candidates(
     Ok(Found { candidates, left_out: left_out.collect() })
 }
 
-/// Sorts places with their forces, the best first; `friction` is that of each label.
-fn rank(places: &mut Vec<(Place, Forces)>, object: &Graspable, wanted: Where, friction: &[f64]) {
+/// A place with what happens there.
+struct Grip {
+    place: Place,
+    touch: Touch,
+    bend_rad: f64,
+    forces: Forces,
+}
+
+impl Grip {
+    /// Why it does not hold the object.
+    fn infeasible_because(&self) -> Option<Reason> {
+        if self.forces.force.infeasible_because.is_some() {
+            self.forces.force.infeasible_because
+        } else if self.touch.share < LEAST_TOUCHED {
+            Some(Reason::Touches)
+        } else if self.bend_rad > FOLDS_RAD {
+            Some(Reason::Limp)
+        } else {
+            self.forces.lets_turn().then_some(Reason::Turns)
+        }
+    }
+
+    /// 0 for a place that holds, 1 where the object may only turn, 2 where nothing holds.
+    fn flaw(&self) -> u8 {
+        match self.infeasible_because() {
+            None => 0,
+            Some(Reason::Turns) => 1,
+            Some(_) => 2,
+        }
+    }
+}
+
+/// Sorts places, the best first; `friction` is that of each label.
+fn rank(grips: &mut Vec<Grip>, object: &Graspable, wanted: Where, friction: &[f64]) {
     let center = Point3::from(object.parts.object.center_of_mass_m);
     let distances = object.surface.points.iter().map(|p| (p.position - center).norm());
     let radius = distances.fold(f64::MIN_POSITIVE, f64::max);
-    let flaws = |forces: &Forces| (forces.force.infeasible_because.is_some(), forces.lets_turn());
-    let cost = |place: &Place, forces: &Forces| {
+    let cost = |Grip { place, forces, .. }: &Grip| {
         let distance = match wanted {
             Where::Near(point) => place.contacts.iter().map(|c| (c - point).norm()).fold(f64::INFINITY, f64::min),
-            Where::Anywhere | Where::Part(_) => place.lever_m(center),
+            Where::Anywhere | Where::Part(_) => forces.inputs.lever_m,
         };
         let misalignment = place.misalignment_rad / friction[place.part as usize].atan();
         distance / radius + MISALIGNMENT_WEIGHT * misalignment + forces.f_min_n / forces.upper.newtons
     };
-    let mut keyed: Vec<_> =
-        places.drain(..).map(|(place, forces)| (flaws(&forces), cost(&place, &forces), place, forces)).collect();
+    let mut keyed: Vec<(u8, f64, Grip)> = grips.drain(..).map(|grip| (grip.flaw(), cost(&grip), grip)).collect();
     keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
-    places.extend(keyed.into_iter().map(|(_, _, place, forces)| (place, forces)));
+    grips.extend(keyed.into_iter().map(|(_, _, grip)| grip));
 }
 
 /// The first [`REPORTED`] of the places that have free space for the fingers; of those that are the same, the first.
-fn best_with_space(ranked: &[(Place, Forces)], object: &Graspable, gripper: &GripperProfile) -> Vec<Candidate> {
+fn best_with_space(ranked: &[Grip], object: &Graspable, gripper: &GripperProfile) -> Vec<Candidate> {
     let side = gripper.finger_side_m();
     let cells = Cells::new(&object.surface.obstacles, side.max(LEAST_CELL_M));
     let mut chosen: Vec<(&Place, Candidate)> = Vec::new();
-    for (place, forces) in ranked {
+    for grip in ranked {
+        let place = &grip.place;
         if chosen.len() == REPORTED {
             break;
         }
@@ -181,33 +231,46 @@ fn best_with_space(ranked: &[(Place, Forces)], object: &Graspable, gripper: &Gri
             continue;
         }
         if let Some(approach) = free_approach(place, side, &object.surface.obstacles, &cells) {
-            chosen.push((place, candidate(object, place, forces, approach)));
+            chosen.push((place, candidate(object, grip, approach)));
         }
     }
     chosen.into_iter().map(|(_, candidate)| candidate).collect()
 }
 
-/// The forces at a place; `None` if its part has no mass and so is not part of the object.
-fn forces_at(
+/// What happens at a place; `None` if its part has no mass and so is not part of the object.
+fn grip_at(
     object: &Graspable,
-    place: &Place,
+    place: Place,
+    touch: Touch,
     gripper: &GripperProfile,
     options: &Options,
-) -> Result<Option<Forces>, GraspError> {
+) -> Result<Option<Grip>, GraspError> {
     let label = &object.labels[place.part as usize];
     let Some(part) = object.parts.of_label(label.id) else { return Ok(None) };
-    if part.volume_m3.is_none() {
-        return Ok(None);
-    }
+    let Some(volume) = part.volume_m3 else { return Ok(None) };
     let thickness_m = match part.thickness_m {
         Some(wall) if part.is_wall => wall,
         // With the same relative uncertainty of its size as the part's own.
         Some(of_part) => of_part.scaled(place.thickness_m / of_part.mid),
         None => Estimate::exactly(place.thickness_m),
     };
-    let lever_m = place.lever_m(Point3::from(object.parts.object.center_of_mass_m));
-    let inputs = Inputs::of(object.parts, label, Contact { thickness_m, lever_m }, gripper, options)?;
-    inputs.forces(&part.caption, gripper, options).map(Some)
+    let center = Point3::from(object.parts.object.center_of_mass_m);
+    let contact = Contact { thickness_m, lever_m: place.lever_m(center), pressure_arm_m: touch.arm_m.max(LEAST_ARM_M) };
+    let inputs = Inputs::of(object.parts, label, contact, gripper, options)?;
+    let forces = inputs.forces(&part.caption, gripper, options)?;
+    let beyond_m = (nalgebra::center(&place.contacts[0], &place.contacts[1]) - center).norm();
+    let bend_rad = bend_rad(&inputs, volume.mid, beyond_m);
+    Ok(Some(Grip { place, touch, bend_rad, forces }))
+}
+
+/// The slope at the end of a strip that is clamped at the contacts and carries the object's weight at its end, `length_m` farther:
+/// m g l^2 / (2 E I), with I = b d^3 / 12 for the part's thickness d at the contacts and its width b, the root of its area V / d. It is
+/// large for sheets that hang on a stalk: a leaf, a page, a flag.
+fn bend_rad(inputs: &Inputs, volume_m3: f64, length_m: f64) -> f64 {
+    let thickness_m = inputs.thickness_m.mid;
+    let width_m = (volume_m3 / thickness_m).sqrt();
+    let stiffness = inputs.youngs_modulus_pa.mid * width_m * thickness_m.powi(3) / 12.0;
+    inputs.mass_kg.mid * GRAVITY_M_S2 * length_m.powi(2) / (2.0 * stiffness)
 }
 
 fn same(a: &Place, b: &Place, side: f64) -> bool {
@@ -215,8 +278,9 @@ fn same(a: &Place, b: &Place, side: f64) -> bool {
     (middle(a) - middle(b)).norm() < side && a.axis().dot(&b.axis()).abs() > SAME_AXIS
 }
 
-fn candidate(object: &Graspable, place: &Place, forces: &Forces, approach: Vector3<f64>) -> Candidate {
-    let infeasible_because = forces.force.infeasible_because.or(forces.lets_turn().then_some(Reason::Turns));
+fn candidate(object: &Graspable, grip: &Grip, approach: Vector3<f64>) -> Candidate {
+    let Grip { place, touch, bend_rad, forces } = grip;
+    let infeasible_because = grip.infeasible_because();
     let part_id = object.labels[place.part as usize].id;
     let part = object.parts.of_label(part_id);
     let (part, material) = part.map(|part| (part.caption, part.material)).unwrap_or_default();
@@ -231,6 +295,9 @@ fn candidate(object: &Graspable, place: &Place, forces: &Forces, approach: Vecto
         width_m: place.width_m(),
         thickness_m: forces.inputs.thickness_m,
         misalignment_rad: place.misalignment_rad,
+        touched_share: touch.share,
+        pressure_arm_m: forces.inputs.pressure_arm_m,
+        bend_rad: *bend_rad,
         lever_m: forces.inputs.lever_m,
         force_n: forces.force.newtons,
         force_limited_by: forces.force.limit,

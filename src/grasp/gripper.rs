@@ -189,6 +189,11 @@ impl GripperProfile {
         self.finger_area_m2.sqrt()
     }
 
+    /// Mean distance of the pressure from the middle of an evenly pressed disc with the finger's area, m.
+    pub fn pressure_arm_m(&self) -> f64 {
+        2.0 / 3.0 * self.contact_radius_m()
+    }
+
     /// Radius of a disc with the finger's area, m.
     pub fn contact_radius_m(&self) -> f64 {
         (self.finger_area_m2 / std::f64::consts::PI).sqrt()

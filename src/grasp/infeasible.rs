@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::candidates::Candidate;
 use super::{GripperProfile, Limit, Options, Reason};
+use crate::words::part_name::part_name;
 use crate::words::readable::significant;
 
 /// Why a grasp is not safe, in words.
@@ -35,7 +36,7 @@ impl Infeasible {
                 ),
                 "use a gentler gripper or wider fingers, or grasp another part with --part",
             ),
-            Reason::Damage | Reason::Turns => (
+            Reason::Damage | Reason::Turns | Reason::Touches | Reason::Limp => (
                 format!("each finger must press with at least {f_min} N, but the part withstands at most {f_max} N"),
                 "use wider fingers, grasp another part with --part, or lift with two hands",
             ),
@@ -43,8 +44,29 @@ impl Infeasible {
         Self { reason, explanation, advice: advice.to_owned() }
     }
 
-    /// The verdict if the object may turn between the fingers even at the `best` place.
-    pub fn of_torque(best: &Candidate, options: &Options) -> Self {
+    /// The verdict if forces fit together, but the object cannot be held even at the `best` place.
+    pub fn of_place(best: &Candidate, options: &Options) -> Self {
+        let (reason, explanation, advice) = match best.infeasible_because {
+            Some(reason @ Reason::Touches) => (
+                reason,
+                format!(
+                    "only {:.0} % of a pad touches the object there: it lies over an edge, or on something much narrower than itself",
+                    100.0 * best.touched_share
+                ),
+                "use narrower fingers, or name another part with --part",
+            ),
+            Some(reason @ Reason::Limp) => (
+                reason,
+                format!("the {} is too limp to carry the object: it would fold", part_name(&best.part, &best.material)),
+                "name a stiffer part with --part, or support the object from below",
+            ),
+            _ => return Self::of_torque(best, options),
+        };
+        Self { reason, explanation, advice: advice.to_owned() }
+    }
+
+    /// The verdict if the object may turn between the fingers.
+    fn of_torque(best: &Candidate, options: &Options) -> Self {
         let mut advice = vec!["use wider fingers".to_owned()];
         if best.force_limited_by == Limit::Gripper {
             advice.push("use a stronger gripper".to_owned());

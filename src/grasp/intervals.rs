@@ -21,7 +21,8 @@ pub struct Inputs {
     pub youngs_modulus_pa: Estimate,
     pub thickness_m: Estimate,
     pub contact_area_m2: f64,
-    /// Mean distance of the pressure under a finger from its middle: 2/3 of the radius of a disc of the finger's area.
+    /// Mean distance of the pressure under a finger from its middle: 2/3 of the radius of a disc of the finger's area, less if
+    /// the pad touches with a part of itself.
     pub pressure_arm_m: f64,
     /// Distance of the line of the contacts from the centre of mass; 0 if no place was chosen.
     pub lever_m: f64,
@@ -72,6 +73,8 @@ pub struct Contact {
     pub thickness_m: Estimate,
     /// As [`Inputs::lever_m`].
     pub lever_m: f64,
+    /// As [`Inputs::pressure_arm_m`].
+    pub pressure_arm_m: f64,
 }
 
 impl Forces {
@@ -100,7 +103,7 @@ impl Inputs {
             youngs_modulus_pa: label.youngs_modulus_pa,
             thickness_m: contact.thickness_m,
             contact_area_m2: gripper.finger_area_m2,
-            pressure_arm_m: 2.0 / 3.0 * gripper.contact_radius_m(),
+            pressure_arm_m: contact.pressure_arm_m,
             lever_m: contact.lever_m,
             max_curvature_1_m: options.max_curvature_of(&label.family),
             lift_angle_rad: options.lift_angle_deg.to_radians(),

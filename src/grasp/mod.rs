@@ -7,7 +7,8 @@
 //!   how far a part may bend;
 //! - [`infeasible`]: why a grasp is not safe;
 //! - [`grasped_part`]: which part the fingers press on if no place is chosen;
-//! - where to press: the [`surface`], opposite [`places`] on it, space for the [`fingers`], the best [`candidates`];
+//! - where to press: the [`surface`], opposite [`places`] on it, what the pads [`touch`] there, space for the [`fingers`], the
+//!   best [`candidates`];
 //! - [`picture`]: a drawing of the best candidates.
 
 pub mod calibration;
@@ -26,6 +27,7 @@ pub mod options;
 pub mod picture;
 pub mod places;
 pub mod surface;
+pub mod touch;
 
 use serde::{Deserialize, Serialize};
 
@@ -77,6 +79,10 @@ pub enum Reason {
     TooStrong,
     /// The object's weight can turn it between the fingers: the torque margin is negative.
     Turns,
+    /// Too little of the pads touches: an edge, or something much narrower than they are.
+    Touches,
+    /// The part is too limp to carry the object: it would fold, as a leaf.
+    Limp,
 }
 
 /// The forces for one object, one part of it and one gripper. Written as `grasp.json`. Forces are those of one finger.
@@ -173,11 +179,15 @@ pub fn grasp(
         Some(best) => {
             let part = parts.of_label(best.part_id).unwrap_or(part);
             let chosen = if options.part.is_some() { PartChoice::Named } else { PartChoice::BestPlace };
-            (part, chosen, Contact { thickness_m: best.thickness_m, lever_m: best.lever_m })
+            (
+                part,
+                chosen,
+                Contact { thickness_m: best.thickness_m, lever_m: best.lever_m, pressure_arm_m: best.pressure_arm_m },
+            )
         }
         None => {
             let thickness_m = part.thickness_m.ok_or_else(|| no_thickness(&part))?;
-            (part, chosen, Contact { thickness_m, lever_m: 0.0 })
+            (part, chosen, Contact { thickness_m, lever_m: 0.0, pressure_arm_m: gripper.pressure_arm_m() })
         }
     };
     let (_, label) = label_of(&part, labels)?;
@@ -186,7 +196,7 @@ pub fn grasp(
         inputs.forces(&part.caption, gripper, options)?;
     let infeasible = match (force.infeasible_because, candidates.first()) {
         (Some(reason), _) => Some(Infeasible::of_force(reason, f_min_n, upper.newtons, gripper)),
-        (None, Some(best)) if !best.feasible => Some(Infeasible::of_torque(best, options)),
+        (None, Some(best)) if !best.feasible => Some(Infeasible::of_place(best, options)),
         (None, _) => None,
     };
     warnings.extend(infeasible.as_ref().map(|why| format!("no safe grip: {why}")));

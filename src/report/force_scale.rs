@@ -35,6 +35,7 @@ fn effect(unsafe_because: Option<Reason>) -> &'static str {
     match unsafe_because {
         None | Some(Reason::Damage | Reason::Turns) => "holds",
         Some(Reason::TooWeak) => "would hold, but the gripper is too weak",
+        Some(Reason::Touches | Reason::Limp) => "would not slip",
         Some(Reason::TooStrong) => "would hold, but the gripper cannot press so gently",
     }
 }

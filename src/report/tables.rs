@@ -94,6 +94,8 @@ pub(super) fn places(places: &[Candidate]) -> String {
         .text("name", |place| part_name(&place.part, &place.material))
         .number("width_m", |place| Some(place.width_m))
         .estimate("thickness_m", |place| Some(place.thickness_m))
+        .number("touched_share", |place| Some(place.touched_share))
+        .number("bend_rad", |place| Some(place.bend_rad))
         .number("lever_m", |place| Some(place.lever_m))
         .number("force_n", |place| Some(place.force_n))
         .number("f_hold_n", |place| Some(place.f_hold_n))

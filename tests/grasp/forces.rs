@@ -56,7 +56,7 @@ fn label(id: u32, friction: Estimate, strength_pa: Estimate, youngs_modulus_pa: 
 }
 
 /// A hickory handle (0) of 20 mm and a steel head (1) of 30 mm: 0.12 kg and 0.44 kg, the head nearer the middle.
-fn hammer() -> (Parts, Vec<FieldLabel>) {
+pub fn hammer() -> (Parts, Vec<FieldLabel>) {
     let parts = vec![
         part(0, "wooden handle", Estimate::new(0.10, 0.12, 0.14), Estimate::new(0.018, 0.020, 0.022), Some(0.02)),
         part(1, "steel head", Estimate::new(0.40, 0.44, 0.48), Estimate::new(0.028, 0.030, 0.032), Some(0.01)),

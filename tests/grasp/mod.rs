@@ -1,6 +1,6 @@
 //! Grasp forces, grippers, places to grasp at.
 
 mod calibration;
-mod forces;
+pub mod forces;
 mod places;
 pub mod scenes;

@@ -1,7 +1,9 @@
 //! Places to grasp at, on clouds whose best places are known.
 
 use gprop::grasp::gripper::GripperProfile;
+use gprop::grasp::places::Place;
 use gprop::grasp::surface::{Surface, SurfacePoint};
+use gprop::grasp::touch::{Pads, Touch};
 use gprop::grasp::{GraspError, GraspReport, Options, Reason, grasp};
 use gprop::parts::{self, PartsResult};
 use gprop::query::Form;
@@ -190,10 +192,13 @@ fn torque_by_hand() {
     let scene = scene(&lollipop(), &[Form::Solid, Form::Solid]);
     let report = run(&scene, "paper", &Options { part: Some("part 0".to_owned()), ..Options::default() }).unwrap();
     let (place, mass) = (&report.candidates[0], scene.parts.metric().unwrap().object.mass_kg.mid);
-    // 2 fingers, 2/3 mu F r with r = sqrt(1.1e-4 m2 / pi), less what the weight takes; mu is 0.5.
+    // 2 fingers, mu F a with a = 2/3 sqrt(1.1e-4 m2 / pi) for a whole pad, less what the weight takes; mu is 0.5.
     let radius = (1.1e-4 / std::f64::consts::PI).sqrt();
-    let taken = place.f_min_n / place.f_star_n;
-    let held = 2.0 * 2.0 / 3.0 * 0.5 * place.f_star_n * radius * (1.0 - taken * taken).max(0.0).sqrt();
+    // The rod's sides fall away from the pads, which touch with a part of themselves.
+    let arm = place.pressure_arm_m;
+    assert!(arm < 2.0 / 3.0 * radius && arm > 0.8 * 2.0 / 3.0 * radius && place.touched_share > 0.5, "{place:?}");
+    let taken = place.f_min_n / place.force_n;
+    let held = 2.0 * 0.5 * place.force_n * arm * (1.0 - taken * taken).max(0.0).sqrt();
     let by_hand = held - mass * 9.8 * place.lever_m;
     assert!((place.torque_margin_n_m - by_hand).abs() < 1e-12, "{} is not {by_hand}", place.torque_margin_n_m);
 }
@@ -215,4 +220,97 @@ fn an_object_that_turns_between_the_fingers_is_no_safe_grip() {
     let anywhere = run(&scene, "robotiq-2f-85", &Options { auto: true, ..Options::default() }).unwrap();
     let turns: Vec<bool> = anywhere.candidates.iter().map(|place| place.torque_margin_n_m < 0.0).collect();
     assert!(turns.is_sorted(), "{turns:?}");
+}
+
+/// The two sides of a bar along y that is `width_m` wide along z and 20 mm thick along x, with grooves of 3 mm across it if it is
+/// ribbed: every other 3 mm.
+fn rail(width_m: f64, is_ribbed: bool) -> Surface {
+    const STEP_M: f64 = 5e-4;
+    let across = (width_m / STEP_M).round() as i32;
+    let point = |along: i32, over: i32, side: f64| {
+        let y = STEP_M * f64::from(along);
+        let is_groove = is_ribbed && (y / 0.003).floor() as i64 % 2 != 0;
+        let x = side * if is_groove { 0.007 } else { 0.01 };
+        let z = STEP_M * (f64::from(over) - 0.5 * f64::from(across));
+        SurfacePoint { position: Point3::new(x, y, z), normal: Vector3::x() * side, part: 0 }
+    };
+    let places = (-60..=60).flat_map(|along| (0..=across).map(move |over| (along, over)));
+    let points = places.flat_map(|(along, over)| [-1.0, 1.0].map(|side| point(along, over, side))).collect();
+    Surface { points, obstacles: Vec::new() }
+}
+
+fn touch(surface: &Surface, z_m: f64) -> Touch {
+    let positions: Vec<Point3<f64>> = surface.points.iter().map(|point| point.position).collect();
+    let gripper = GripperProfile::load("paper").unwrap();
+    let contacts = [Point3::new(-0.01, 0.001, z_m), Point3::new(0.01, 0.001, z_m)];
+    let place = Place { contacts, part: 0, thickness_m: 0.02, misalignment_rad: 0.0 };
+    Pads::new(surface, &positions, gripper.contact_radius_m()).touch(&place)
+}
+
+#[test]
+fn pads_touch_what_is_under_them() {
+    // A disc of 1.1e-4 m2 is 11.8 mm across; a gap between points of a millimetre is no hole, so edges are a millimetre off.
+    let whole = 2.0 / 3.0 * GripperProfile::load("paper").unwrap().contact_radius_m();
+    let wide = touch(&rail(0.03, false), 0.0);
+    assert_eq!(wide.share, 1.0, "{wide:?}");
+    assert!((wide.arm_m / whole - 1.0).abs() < 1e-9, "{wide:?}");
+    // 4 mm, seen as up to 6: 2 / pi (asin u + u sqrt(1 - u^2)) of the disc for u = 4 / 11.8 and 6 / 11.8.
+    let narrow = touch(&rail(0.004, false), 0.0);
+    assert!((0.40..0.65).contains(&narrow.share) && narrow.arm_m < 0.9 * whole, "{narrow:?}");
+    // Half of the pad lies beyond the edge of a plate.
+    let edge = touch(&rail(0.03, false), 0.015);
+    assert!((0.5..0.65).contains(&edge.share) && edge.arm_m < 0.85 * whole, "{edge:?}");
+    let beyond = touch(&rail(0.03, false), 0.0195);
+    assert!(beyond.share < 1.0 / 3.0, "{beyond:?}");
+    // Ribs take away half of what touches, but it is as far from the middle.
+    let ribbed = touch(&rail(0.03, true), 0.0);
+    assert!((0.35..0.75).contains(&ribbed.share) && ribbed.arm_m > 0.9 * whole, "{ribbed:?}");
+    let both = touch(&rail(0.004, true), 0.0);
+    assert!(both.share < 1.0 / 3.0 && both.share < narrow.share, "{both:?}");
+}
+
+#[test]
+fn a_ribbed_rail_that_is_narrower_than_the_pads_is_no_safe_grip() {
+    let (parts, labels) = super::forces::hammer();
+    let gripper = GripperProfile::load("paper").unwrap();
+    let grasped =
+        |surface: &Surface| grasp(&parts, &labels, Some(surface), 1.0, &gripper, &Options::default()).unwrap();
+    let wide = grasped(&rail(0.03, false));
+    assert!(wide.feasible, "{wide:?}");
+    let narrow = grasped(&rail(0.003, true));
+    let why = narrow.infeasible.as_ref().unwrap();
+    assert_eq!(why.reason, Reason::Touches, "{why}");
+    assert!(why.explanation.contains("of a pad") && why.advice.contains("narrower fingers"), "{why}");
+}
+
+/// A sheet of 0.5 mm and 10 MPa at 150 mm from the centre of mass of 0.56 kg, and a stiff bar beside it.
+#[test]
+fn a_leaf_is_never_the_best_place() {
+    let (mut parts, mut labels) = super::forces::hammer();
+    labels[0].youngs_modulus_pa = Estimate::exactly(1e7);
+    parts.parts[0].is_wall = true;
+    parts.parts[0].thickness_m = Some(Estimate::exactly(5e-4));
+    parts.parts[0].volume_m3 = Some(Estimate::exactly(1e-6));
+    parts.object.center_of_mass_m = [0.0, 0.0, 0.15];
+    let leaf = rail(0.03, false);
+    let at = |z: f64, part: u32| {
+        let moved =
+            leaf.points.iter().map(move |p| SurfacePoint { position: p.position + Vector3::z() * z, part, ..*p });
+        moved.collect::<Vec<_>>()
+    };
+    let gripper = GripperProfile::load("robotiq-2f-85").unwrap();
+    let both = Surface { points: [at(0.0, 0), at(0.35, 1)].concat(), obstacles: Vec::new() };
+    let report = grasp(&parts, &labels, Some(&both), 1.0, &gripper, &Options::default()).unwrap();
+    assert_eq!(report.part_id, 1, "the bar, although it is farther from the centre of mass: {report:?}");
+    let alone = Surface { points: at(0.0, 0), obstacles: Vec::new() };
+    let report = grasp(&parts, &labels, Some(&alone), 1.0, &gripper, &Options::default()).unwrap();
+    let why = report.infeasible.as_ref().unwrap();
+    // m g l^2 / (2 E I) with I = b d^3 / 12 and b = sqrt(V / d).
+    let stiffness = 1e7 * (1e-6f64 / 5e-4).sqrt() * 5e-4f64.powi(3) / 12.0;
+    let best = &report.candidates[0];
+    let [a, b] = best.contacts_m.map(Point3::from);
+    let length = (nalgebra::center(&a, &b) - Point3::new(0.0, 0.0, 0.15)).norm();
+    let by_hand = 0.56 * 9.8 * length * length / (2.0 * stiffness);
+    assert!((best.bend_rad / by_hand - 1.0).abs() < 1e-9, "{} is not {by_hand}", best.bend_rad);
+    assert!(why.reason == Reason::Limp && why.explanation.contains("too limp"), "{why}");
 }
