@@ -340,10 +340,12 @@ def verify(options, folder):
             for label, force in forces.items():
                 same = [other for other in tried.values() if abs(other["force_n"] - force) < 1e-9]
                 tried[label] = same[0] if same else attempt(model, body, middle, force)
-                tried[label]["margin_n_m"] = torque_margin(gripper, truth["friction"], force, weight, grasp["lever_m"])
+                tried[label]["margin_n_m"] = torque_margin(truth["friction"], force, weight, grasp)
                 print(f"{name} {number + 1}, {label}: {json.dumps(tried[label])}", file=sys.stderr)
             places.append({**{key: grasp[key] for key in ("part", "feasible", "infeasible_because", "force_n", "f_min_n", "f_max_n",
-                                                            "f_star_n", "torque_margin_n_m", "lever_m")},
+                                                            "f_hold_n", "f_star_n", "torque_margin_n_m", "width_m", "lever_m",
+                                                            "offset_m", "touched_share", "pressure_arm_m", "pressure_shift_m",
+                                                            "bend_rad")},
                            "truth": truth, "true_f_min_n": true_f_min, "tried": tried})
         return {"scene": name, "gripper": gripper["name"], "true_f_max_n": true_f_max, "feasible": report["feasible"],
                 "infeasible": report["infeasible"], "places": places}
@@ -356,10 +358,22 @@ def grip_friction(friction, up, sideways):
     return math.tan(math.acos(math.cos(math.atan(friction)) / math.cos(sideways)) - up)
 
 
-def torque_margin(gripper, friction, force, weight, lever):
+def torque_margin(friction, force, weight, grasp):
     """The torque margin of docs/grasp.md at any force, with the friction and weight with which a grasp is judged."""
-    radius, taken = math.sqrt(gripper["finger_area_m2"] / math.pi), weight / 2 / friction / max(force, 1e-9)
-    return 4 / 3 * friction * force * radius * math.sqrt(max(1 - taken * taken, 0.0)) - weight * lever
+    arm, apart = grasp["pressure_arm_m"], grasp["width_m"]
+    tilts = max(weight * grasp["offset_m"] - 2 * force * grasp["pressure_shift_m"], 0.0) / (friction * apart)
+    taken = weight / 2 / friction + tilts
+    spare, missing = math.sqrt(max(force * force - taken * taken, 0.0)), min(max(taken - force, 0.0), tilts)
+    return friction * (2 * arm * spare - apart * missing) - weight * grasp["lever_m"]
+
+
+def f_hold(friction, weight, grasp):
+    """The least force at which the torque margin is not negative."""
+    low, high = weight / 2 / friction, 1e6
+    for _ in range(100):
+        force = (low + high) / 2
+        low, high = (force, high) if torque_margin(friction, force, weight, grasp) < 0.0 else (low, force)
+    return high
 
 
 def own_friction(model, grasp):
@@ -502,30 +516,46 @@ SHAPES = {
     "narrows sideways, 14 deg": leaning(0.0, 14.0),
 }
 
+# What stands on the floor while the hand closes if the centre of mass is beside the shape; the pads do not touch it.
+FOOT_Z_M = {"block": -0.048, "lying bar": -0.018}
+
 
 def check_pads(gripper):
-    """Compares the pads with the formulas of F_min and of the torque margin, on shapes for which these are meant."""
+    """Compares the pads with the formulas of F_min, of the torque margin and of F_hold, on shapes for which these are meant."""
     mass, friction = 0.5, 0.6
     weight = mass * GRAVITY
-    print("| shape | N | lever, mm | of F_min | of the torque | outcome | slid, mm | turned, deg |", "| --- " * 8 + "|", sep="\n")
+    arm = 2 / 3 * math.sqrt(gripper["finger_area_m2"] / math.pi)
+    print("| shape | N | lever, mm | offset, mm | of F_min | of the torque | of F_hold | outcome | slid, mm | turned, deg |",
+          "| --- " * 10 + "|", sep="\n")
     with tempfile.TemporaryDirectory() as folder:
         for shape, (asset, geom, inclination) in SHAPES.items():
             f_min = weight / 2 / grip_friction(friction, *inclination)
-            trials = [(share * f_min, 0.0, 0.0) for share in (0.8, 0.9, 0.95, 1.1, 1.2)]
+            # The bar rolls under the pads if it turns about its own axis.
+            shift = 0.0 if shape == "lying bar" else 3 / 8 * arm
+            level = {"pressure_arm_m": arm, "pressure_shift_m": shift, "width_m": 0.04, "lever_m": 0.0, "offset_m": 0.0}
+            trials = [(share * f_min, level, 0.0) for share in (0.8, 0.9, 0.95, 1.1, 1.2)]
             for force in (10.0, 40.0) if inclination is UPRIGHT else ():
-                most = torque_margin(gripper, friction, force, weight, 0.0) / weight
-                trials += [(force, share * most, share) for share in (0.5, 0.85, 1.1, 1.2)]
-            for force, lever, share in trials:
+                most = torque_margin(friction, force, weight, level) / weight
+                trials += [(force, level | {"lever_m": share * most}, share) for share in (0.5, 0.85, 1.1, 1.2)]
+            # Beside both fingers, and beside them and off their line.
+            for offset, lever in ((0.04, 0.0), (0.07, 0.0), (0.07, 0.01)) if shape in FOOT_Z_M else ():
+                beside = level | {"lever_m": lever, "offset_m": offset}
+                trials += [(share * f_hold(friction, weight, beside), beside, 0.0) for share in (0.5, 0.8, 0.9, 1.0, 1.1, 1.2)]
+            for force, place, share in trials:
+                lever, foot = place["lever_m"], ""
+                if place["offset_m"]:
+                    foot = f'<geom type="box" size="0.12 0.05 0.002" pos="0 0 {FOOT_Z_M[shape]}"/>'
                 if shape == "upright bar" and lever > 0.02:
                     continue  # It would fall over.
                 with open(os.path.join(folder, "body.xml"), "w") as file:
-                    file.write(f'<mujoco>{asset}<worldbody><body name="body"><freejoint/><inertial pos="0 {lever} 0" mass="{mass}" '
-                               f'fullinertia="0.001 0.001 0.001 0 0 0"/>{geom} friction="{friction}"/></body></worldbody></mujoco>')
+                    file.write(f'<mujoco>{asset}<worldbody><body name="body"><freejoint/><inertial pos="{place["offset_m"]} {lever} 0" mass="{mass}" '
+                               f'fullinertia="0.001 0.001 0.001 0 0 0"/>{foot}{geom} friction="{friction}"/></body></worldbody></mujoco>')
                 grasp = {"contacts_m": [[-0.02, 0.0, 0.0], [0.02, 0.0, 0.0]], "approach": [0.0, 0.0, 1.0]}
                 truth = {"mass_kg": mass, "friction": friction}
                 model, middle = scene(folder, "body", grasp, gripper, truth, "colliders")
                 tried = attempt(model, "body", middle, force)
-                print(f"| {shape} | {force:.1f} | {1e3 * lever:.1f} | {force / f_min:.2f} | {share:.2f} | {tried['outcome']} | "
+                print(f"| {shape} | {force:.1f} | {1e3 * lever:.1f} | {1e3 * place['offset_m']:.1f} | {force / f_min:.2f} | {share:.2f} | "
+                      f"{force / f_hold(friction, weight, place):.2f} | {tried['outcome']} | "
                       f"{1e3 * tried['slid_m']:.1f} | {tried['turned_deg']:.0f} |", flush=True)
 
 

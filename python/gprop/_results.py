@@ -56,6 +56,7 @@ _GRASP: dict[str, _Shape] = {
     "width_m": (),
     "thickness_m": _ESTIMATE,
     "lever_m": (),
+    "offset_m": (),
     "touched_share": (),
     "bend_rad": (),
     "force_n": (),

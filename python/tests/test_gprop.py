@@ -183,7 +183,8 @@ class Made(unittest.TestCase):
 
     def test_with_a_grasp(self):
         place = {"part": "a cup", "part_id": 2, "feasible": True, "thickness_m": estimate(0.003)}
-        place |= {"contacts_m": [[0, 0, 0], [0, 0, 1]], "approach": [1, 0, 0], "width_m": 1, "lever_m": 0.1, "touched_share": 1, "bend_rad": 0}
+        place |= {"contacts_m": [[0, 0, 0], [0, 0, 1]], "approach": [1, 0, 0], "width_m": 1, "lever_m": 0.1, "offset_m": 0}
+        place |= {"touched_share": 1, "bend_rad": 0}
         place |= {"position_m": [0, 0, 0.5], "quaternion_wxyz": [1, 0, 0, 0]}
         place |= {"force_n": 4, "f_hold_n": 2, "f_min_n": 2, "f_max_n": 9, "f_star_n": 5, "torque_margin_n_m": -0.5}
         self.write("grasp.json", {"f_star_n": 5, "candidates": [place, place]})

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use crate::consensus::AskAbout;
 use crate::error::{Error, Result};
-use crate::grasp::{GraspReport, Reason};
+use crate::grasp::GraspReport;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage, stages};
 use crate::query::{Answers, Outcome};
@@ -144,15 +144,11 @@ fn grasp(report: &GraspReport) -> String {
         text += "places, best first:\n";
     }
     for place in report.candidates.iter().skip_while(|_| report.candidates.len() < 2) {
-        let may_turn = if place.infeasible_because == Some(Reason::Turns) {
-            "; the object may turn between the fingers"
-        } else {
-            ""
-        };
-        let unsafe_mark = if place.feasible { "" } else { "; not safe" };
+        let unsafe_because =
+            place.infeasible_because.map_or_else(String::new, |reason| format!("; not safe: {}", reason.in_words()));
         let _ = writeln!(
             text,
-            "  {} N at the {}, {} mm wide, {} mm from the centre of mass{may_turn}{unsafe_mark}",
+            "  {} N at the {}, {} mm wide, {} mm from the centre of mass{unsafe_because}",
             significant(place.force_n),
             one_line(&part_name(&place.part, &place.material)),
             significant(place.width_m * 1e3),

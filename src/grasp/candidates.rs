@@ -8,27 +8,27 @@ use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
 use super::fingers::free_approach;
+use super::forces::torque_margin_n_m;
 use super::intervals::{Contact, Forces, Inputs};
 use super::places::{Place, Where, places};
+use super::stiffness::{FOLDS_RAD, bend_rad};
 use super::surface::Surface;
 use super::touch::{Pads, Touch};
 use super::{GraspError, GripperProfile, Limit, Options, Reason};
 use crate::parts::Parts;
-use crate::units::{Estimate, GRAVITY_M_S2};
+use crate::units::Estimate;
 use crate::vote::FieldLabel;
 
 /// How many places are reported.
 pub const REPORTED: usize = 5;
 /// Places are ranked by the sum of three terms, smallest first: distance of the line of the contacts from the centre of
-/// mass (near a `--point`, of a contact from that point) over the object's radius; F_min over F_max; and misalignment
-/// over the friction cone, with this weight. Those at which the object may turn between the fingers come after the
-/// others, and those without a feasible force last.
+/// mass (near a `--point`, of a contact from that point) over the object's radius; F_hold (near a `--point`, where it would lead
+/// away from there, F_min) over the greatest force that part and gripper allow; and misalignment over the friction cone, with this
+/// weight. Those at which the object may turn between the fingers come after the others, and those that hold nothing last.
 const MISALIGNMENT_WEIGHT: f64 = 0.25;
-/// Pads that touch with less of themselves do not hold: the hand can tilt about what little they press on. A round bar of a
-/// third of a pad's width touches with as much, and a pad whose middle lies beyond an edge with less.
+/// Pads that touch with less of themselves do not hold: what they press on is a line or a point, about which the object rocks. A
+/// rail of a quarter of a pad's width touches with as much, and so does a pad whose middle lies an eighth of its width beyond an edge.
 const LEAST_TOUCHED: f64 = 1.0 / 3.0;
-/// A part that the object's weight would bend by more, in radians, folds instead of carrying it.
-const FOLDS_RAD: f64 = 1.0;
 /// A pad that touches at one point resists no torque: the force that would hold is then large, not infinite.
 const LEAST_ARM_M: f64 = 1e-5;
 /// Two places are the same if their middles are within a finger's side and their axes within 30 degrees.
@@ -65,11 +65,15 @@ pub struct Candidate {
     pub touched_share: f64,
     /// Mean distance of the pressure under a finger from its middle, over both fingers.
     pub pressure_arm_m: f64,
+    /// How far this pressure can move before an edge of a pad lifts off.
+    pub pressure_shift_m: f64,
     /// By how much the object's weight would bend the part between the contacts and the centre of mass, in radians, if it did not
     /// fold.
     pub bend_rad: f64,
     /// Distance of the line of the contacts from the object's centre of mass.
     pub lever_m: f64,
+    /// Distance of the object's centre of mass from the middle of the contacts along their line.
+    pub offset_m: f64,
     /// The force to press with, and the limit that sets it.
     pub force_n: f64,
     pub force_limited_by: Limit,
@@ -87,6 +91,14 @@ pub struct Candidate {
     /// Torque about the line of the contacts that two fingers pressing with `force_n` can hold besides the weight, minus the
     /// torque of the weight at the worst inclination. Negative: the object may turn between the fingers.
     pub torque_margin_n_m: f64,
+}
+
+impl Candidate {
+    /// Where and how the fingers press.
+    pub(super) fn contact(&self) -> Contact {
+        let Self { thickness_m, pressure_arm_m, pressure_shift_m, width_m, lever_m, offset_m, .. } = *self;
+        Contact { thickness_m, pressure_arm_m, pressure_shift_m, width_m, lever_m, offset_m }
+    }
 }
 
 /// The orientation of a gripper that presses on two contacts, with the palm in the direction `approach` from them:
@@ -158,7 +170,7 @@ pub fn candidates(
             Err(error) => return Err(error),
         }
     }
-    rank(&mut ranked, object, wanted, &friction);
+    rank(&mut ranked, object, wanted, gripper, &friction);
     let candidates = best_with_space(&ranked, object, gripper);
     let mut left_out = left_out.into_values();
     if candidates.is_empty() {
@@ -200,17 +212,18 @@ impl Grip {
 }
 
 /// Sorts places, the best first; `friction` is that of each label.
-fn rank(grips: &mut Vec<Grip>, object: &Graspable, wanted: Where, friction: &[f64]) {
+fn rank(grips: &mut Vec<Grip>, object: &Graspable, wanted: Where, gripper: &GripperProfile, friction: &[f64]) {
     let center = Point3::from(object.parts.object.center_of_mass_m);
     let distances = object.surface.points.iter().map(|p| (p.position - center).norm());
     let radius = distances.fold(f64::MIN_POSITIVE, f64::max);
     let cost = |Grip { place, forces, .. }: &Grip| {
-        let distance = match wanted {
-            Where::Near(point) => place.contacts.iter().map(|c| (c - point).norm()).fold(f64::INFINITY, f64::min),
-            Where::Anywhere | Where::Part(_) => forces.inputs.lever_m,
+        let (distance_m, needed_n) = match wanted {
+            Where::Near(point) => (place.nearest_m(point), forces.f_min_n),
+            Where::Anywhere | Where::Part(_) => (forces.inputs.lever_m, forces.hold_n),
         };
         let misalignment = place.misalignment_rad / friction[place.part as usize].atan();
-        distance / radius + MISALIGNMENT_WEIGHT * misalignment + forces.f_min_n / forces.upper.newtons
+        let allowed_n = forces.upper.newtons.min(gripper.force_n[1]);
+        distance_m / radius + MISALIGNMENT_WEIGHT * misalignment + needed_n / allowed_n
     };
     let mut keyed: Vec<(u8, f64, Grip)> = grips.drain(..).map(|grip| (grip.flaw(), cost(&grip), grip)).collect();
     keyed.sort_by(|a, b| a.0.cmp(&b.0).then(a.1.total_cmp(&b.1)));
@@ -247,7 +260,9 @@ fn grip_at(
 ) -> Result<Option<Grip>, GraspError> {
     let label = &object.labels[place.part as usize];
     let Some(part) = object.parts.of_label(label.id) else { return Ok(None) };
-    let Some(volume) = part.volume_m3 else { return Ok(None) };
+    if part.volume_m3.is_none() {
+        return Ok(None);
+    }
     let thickness_m = match part.thickness_m {
         Some(wall) if part.is_wall => wall,
         // With the same relative uncertainty of its size as the part's own.
@@ -255,27 +270,22 @@ fn grip_at(
         None => Estimate::exactly(place.thickness_m),
     };
     let center = Point3::from(object.parts.object.center_of_mass_m);
-    let contact = Contact { thickness_m, lever_m: place.lever_m(center), pressure_arm_m: touch.arm_m.max(LEAST_ARM_M) };
+    let contact = Contact {
+        thickness_m,
+        pressure_arm_m: touch.arm_m.max(LEAST_ARM_M),
+        pressure_shift_m: touch.shift_m,
+        width_m: place.width_m(),
+        lever_m: place.lever_m(center),
+        offset_m: place.offset_m(center),
+    };
     let inputs = Inputs::of(object.parts, label, contact, gripper, options)?;
     let forces = inputs.forces(&part.caption, gripper, options)?;
-    let beyond_m = (nalgebra::center(&place.contacts[0], &place.contacts[1]) - center).norm();
-    let bend_rad = bend_rad(&inputs, volume.mid, beyond_m);
+    let bend_rad = bend_rad(&part, &place, &inputs, center);
     Ok(Some(Grip { place, touch, bend_rad, forces }))
 }
 
-/// The slope at the end of a strip that is clamped at the contacts and carries the object's weight at its end, `length_m` farther:
-/// m g l^2 / (2 E I), with I = b d^3 / 12 for the part's thickness d at the contacts and its width b, the root of its area V / d. It is
-/// large for sheets that hang on a stalk: a leaf, a page, a flag.
-fn bend_rad(inputs: &Inputs, volume_m3: f64, length_m: f64) -> f64 {
-    let thickness_m = inputs.thickness_m.mid;
-    let width_m = (volume_m3 / thickness_m).sqrt();
-    let stiffness = inputs.youngs_modulus_pa.mid * width_m * thickness_m.powi(3) / 12.0;
-    inputs.mass_kg.mid * GRAVITY_M_S2 * length_m.powi(2) / (2.0 * stiffness)
-}
-
 fn same(a: &Place, b: &Place, side: f64) -> bool {
-    let middle = |p: &Place| nalgebra::center(&p.contacts[0], &p.contacts[1]);
-    (middle(a) - middle(b)).norm() < side && a.axis().dot(&b.axis()).abs() > SAME_AXIS
+    (a.middle() - b.middle()).norm() < side && a.axis().dot(&b.axis()).abs() > SAME_AXIS
 }
 
 fn candidate(object: &Graspable, grip: &Grip, approach: Vector3<f64>) -> Candidate {
@@ -289,7 +299,7 @@ fn candidate(object: &Graspable, grip: &Grip, approach: Vector3<f64>) -> Candida
         part_id,
         material,
         contacts_m: place.contacts.map(Into::into),
-        position_m: nalgebra::center(&place.contacts[0], &place.contacts[1]).into(),
+        position_m: place.middle().into(),
         quaternion_wxyz: orientation(place.contacts, approach),
         approach: approach.into(),
         width_m: place.width_m(),
@@ -297,8 +307,10 @@ fn candidate(object: &Graspable, grip: &Grip, approach: Vector3<f64>) -> Candida
         misalignment_rad: place.misalignment_rad,
         touched_share: touch.share,
         pressure_arm_m: forces.inputs.pressure_arm_m,
+        pressure_shift_m: forces.inputs.pressure_shift_m,
         bend_rad: *bend_rad,
         lever_m: forces.inputs.lever_m,
+        offset_m: forces.inputs.offset_m,
         force_n: forces.force.newtons,
         force_limited_by: forces.force.limit,
         f_hold_n: forces.hold_n,
@@ -308,14 +320,6 @@ fn candidate(object: &Graspable, grip: &Grip, approach: Vector3<f64>) -> Candida
         limited_by: forces.star.limit,
         feasible: infeasible_because.is_none(),
         infeasible_because,
-        torque_margin_n_m: torque_margin_n_m(forces),
+        torque_margin_n_m: torque_margin_n_m(forces.force.newtons, &forces.load, &forces.pads),
     }
-}
-
-/// Torque about the line of the contacts that two fingers hold besides the weight, minus that of the weight at the worst
-/// inclination, N m: as [`forces::f_hold`](super::forces::f_hold), solved for the torque.
-fn torque_margin_n_m(forces: &Forces) -> f64 {
-    let spare_n = (forces.force.newtons.powi(2) - forces.f_min_n.powi(2)).max(0.0).sqrt();
-    let capacity = 2.0 * forces.friction * forces.inputs.pressure_arm_m * spare_n;
-    capacity - forces.mass_kg * GRAVITY_M_S2 * forces.inputs.lever_m
 }

@@ -13,12 +13,13 @@
 //! factor s.
 //!
 //! ```text
-//! F_hold = sqrt(F_min^2 + (m g l / (2 mu a))^2)
+//! F_hold = the least F with F^2 >= (F_min + max(0, m g c - 2 F e) / (mu w))^2 + (m g l / (2 mu a))^2
 //! F      = s F_hold cut to [ [F_min]_G, [F_max]_G - eta dF ]          if F_min < F_max, else as F*
 //! ```
 //!
-//! `l` is the distance of the line of the contacts from the centre of mass, `a` the mean distance of the pressure under a
-//! finger from its middle (for a disc of radius r, 2/3 r).
+//! `l` is the distance of the line of the contacts from the centre of mass, `c` that of the centre of mass from the middle of
+//! the contacts along their line, `w` the distance between the contacts, `a` the mean distance of the pressure under a finger
+//! from its middle (for a disc of radius r, 2/3 r), and `e` how far that pressure can move before an edge lifts off (r/4).
 //!
 //! `[f]_G` clamps a force to the gripper's range G. mu, sigma_y, E, d and kappa_max are those of the grasped part, rho_i
 //! and V_i those of every part.
@@ -111,14 +112,70 @@ pub fn f_star(bounds: &Bounds) -> Force {
     Force { newtons, limit: if untouched { upper.limit } else { Limit::Gripper }, infeasible_because }
 }
 
-/// The smallest force of one finger, in N, with which the object neither slips nor turns about the line of the contacts
-/// under `torque_n_m`; `arm_m` is the mean distance of the pressure under a finger from its middle.
+/// What the object's weight does between two fingers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Load {
+    pub f_min_n: f64,
+    /// The greatest torque about the line of the contacts: m g l.
+    pub turning_n_m: f64,
+    /// The greatest torque about a line across it, by which one finger carries more than the other: m g c.
+    pub tilting_n_m: f64,
+}
+
+/// The pads of two fingers on an object.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TwoPads {
+    pub friction: f64,
+    /// Mean distance of the pressure under a finger from its middle.
+    pub arm_m: f64,
+    /// How far this pressure can move before an edge of the pad lifts off.
+    pub shift_m: f64,
+    /// Distance between the contacts.
+    pub apart_m: f64,
+}
+
+impl TwoPads {
+    /// The torque about a line across that of the contacts which the pads resist by pressing harder at one edge.
+    fn steadied_n_m(&self, force_n: f64) -> f64 {
+        2.0 * force_n * self.shift_m
+    }
+
+    /// By how much more a finger must press whose friction carries what of the tilting torque the pads do not resist by pressing
+    /// harder at one edge.
+    fn tilts_n(&self, load: &Load, force_n: f64) -> f64 {
+        let rest_n_m = load.tilting_n_m - self.steadied_n_m(force_n);
+        if rest_n_m > 0.0 { rest_n_m / (self.friction * self.apart_m) } else { 0.0 }
+    }
+}
+
+/// The smallest force of one finger, in N, with which the object neither slips nor turns.
 ///
-/// Two fingers that press with F resist turning with up to 2 mu F a. Force along the surface and torque share the friction:
-/// to a good approximation, (f / (mu F))^2 + (tau / (mu F a))^2 = 1 (Howe and Cutkosky, *Practical force-motion models for
-/// sliding manipulation*, 1996). The weight takes f / (mu F) = F_min / F.
-pub fn f_hold(f_min_n: f64, torque_n_m: f64, friction: f64, arm_m: f64) -> f64 {
-    f_min_n.hypot(torque_n_m / (2.0 * friction * arm_m))
+/// Two fingers that press with F resist turning about their line with up to 2 mu F a. Force along the surface and torque share the
+/// friction: to a good approximation, (f / (mu F))^2 + (tau / (mu F a))^2 = 1 (Howe and Cutkosky, *Practical force-motion models
+/// for sliding manipulation*, 1996). The weight takes f / (mu F) = F_min / F of each. If the centre of mass is beside both fingers,
+/// one of them also carries what holds the object level, M / w, and the other as much downwards; M is m g c less what the pads
+/// resist by pressing harder at one edge, F e each.
+pub fn f_hold(load: &Load, pads: &TwoPads) -> f64 {
+    let turns_n = load.turning_n_m / (2.0 * pads.friction * pads.arm_m);
+    let level_n = load.f_min_n.hypot(turns_n);
+    if load.tilting_n_m <= pads.steadied_n_m(level_n) {
+        return level_n;
+    }
+    // F^2 = (most - spared F)^2 + turns^2, solved so that no difference of large numbers is divided.
+    let most_n = load.f_min_n + pads.tilts_n(load, 0.0);
+    let spared = pads.steadied_n_m(1.0) / (pads.friction * pads.apart_m);
+    let root_n = (most_n.powi(2) + turns_n.powi(2) * (1.0 - spared * spared)).max(0.0).sqrt();
+    (most_n.powi(2) + turns_n.powi(2)) / (most_n * spared + root_n)
+}
+
+/// The torque about the line of the contacts that fingers which press with this force hold besides all else, minus that of the
+/// weight, N m; what is missing against tilting counts as well. Negative below [`f_hold`].
+pub fn torque_margin_n_m(force_n: f64, load: &Load, pads: &TwoPads) -> f64 {
+    let tilts_n = pads.tilts_n(load, force_n);
+    let taken_n = load.f_min_n + tilts_n;
+    let spare_n = (force_n.powi(2) - taken_n.powi(2)).max(0.0).sqrt();
+    let missing_n = (taken_n - force_n).clamp(0.0, tilts_n);
+    pads.friction * (2.0 * pads.arm_m * spare_n - pads.apart_m * missing_n) - load.turning_n_m
 }
 
 /// `factor` times [`f_hold`], as far as part and gripper allow; between their bounds it keeps the same margin below the

@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::GraspError;
 use super::calibration::{CalibrationPoint, Fit};
+use super::touch::{whole_arm_m, whole_shift_m};
 use crate::files;
 use crate::words::output::toml_problem;
 
@@ -191,7 +192,12 @@ impl GripperProfile {
 
     /// Mean distance of the pressure from the middle of an evenly pressed disc with the finger's area, m.
     pub fn pressure_arm_m(&self) -> f64 {
-        2.0 / 3.0 * self.contact_radius_m()
+        whole_arm_m(self.contact_radius_m())
+    }
+
+    /// How far that pressure can move before an edge of the disc lifts off, m.
+    pub fn pressure_shift_m(&self) -> f64 {
+        whole_shift_m(self.pressure_arm_m())
     }
 
     /// Radius of a disc with the finger's area, m.

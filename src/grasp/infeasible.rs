@@ -50,14 +50,19 @@ impl Infeasible {
             Some(reason @ Reason::Touches) => (
                 reason,
                 format!(
-                    "only {:.0} % of a pad touches the object there: it lies over an edge, or on something much narrower than itself",
+                    "only {:.0} % of a pad touches the object: the pad lies over an edge, or on something that is uneven or much \
+                     narrower than itself",
                     100.0 * best.touched_share
                 ),
-                "use narrower fingers, or name another part with --part",
+                "use smaller pads, or name another part with --part",
             ),
             Some(reason @ Reason::Limp) => (
                 reason,
-                format!("the {} is too limp to carry the object: it would fold", part_name(&best.part, &best.material)),
+                format!(
+                    "the {} is too limp to carry the object: its weight, {} mm away, would fold it",
+                    part_name(&best.part, &best.material),
+                    significant(1e3 * best.lever_m.hypot(best.offset_m))
+                ),
                 "name a stiffer part with --part, or support the object from below",
             ),
             _ => return Self::of_torque(best, options),
@@ -74,12 +79,15 @@ impl Infeasible {
         if options.part.is_some() || options.point.is_some() {
             advice.push("grasp nearer to the centre of mass".to_owned());
         }
+        let [lever_mm, offset_mm] = [best.lever_m, best.offset_m].map(|length| significant(length * 1e3));
+        // Between the contacts, the object hangs from both fingers alike.
+        let beside =
+            if best.offset_m > best.width_m { format!(" and {offset_mm} mm beside them") } else { String::new() };
         Self {
             reason: Reason::Turns,
             explanation: format!(
-                "the weight can turn the object between the fingers: {} mm from the centre of mass, its torque \
-                 exceeds their resistance by {} N m",
-                significant(best.lever_m * 1e3),
+                "the weight can turn the object between the fingers: the centre of mass is {lever_mm} mm from the line through \
+                 them{beside}, and the torque exceeds their resistance by {} N m",
                 significant(-best.torque_margin_n_m)
             ),
             advice: format!("{}, or lift with two hands", advice.join(", ")),

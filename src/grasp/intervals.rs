@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::forces::{Bounds, Force, ForceMax, GraspedPart, f_hold, f_max, f_min, f_safe, f_star};
+use super::forces::{Bounds, Force, ForceMax, GraspedPart, Load, TwoPads, f_hold, f_max, f_min, f_safe, f_star};
 use super::options::ForceRule;
 use super::{GraspError, GripperProfile, Options, Policy};
 use crate::parts::Parts;
@@ -24,8 +24,15 @@ pub struct Inputs {
     /// Mean distance of the pressure under a finger from its middle: 2/3 of the radius of a disc of the finger's area, less if
     /// the pad touches with a part of itself.
     pub pressure_arm_m: f64,
-    /// Distance of the line of the contacts from the centre of mass; 0 if no place was chosen.
+    /// How far this pressure can move before an edge of the pad lifts off: a quarter of that radius on what is flat, 0 on a bar as
+    /// thick as the contacts are apart, which rolls under the pads.
+    pub pressure_shift_m: f64,
+    /// Distance between the contacts; 0, as the next two, if no place was chosen.
+    pub width_m: f64,
+    /// Distance of the line of the contacts from the centre of mass.
     pub lever_m: f64,
+    /// Distance of the centre of mass from the middle of the contacts along their line.
+    pub offset_m: f64,
     pub max_curvature_1_m: f64,
     pub lift_angle_rad: f64,
 }
@@ -56,14 +63,16 @@ pub struct Forces {
     pub star: Force,
     /// The force to press with.
     pub force: Force,
-    pub friction: f64,
-    pub mass_kg: f64,
+    pub load: Load,
+    pub pads: TwoPads,
 }
 
 /// The forces of one finger for the low, middle or high values of the inputs.
 #[derive(Debug, Clone, Copy)]
 struct ForcesOfReading {
     hold_n: f64,
+    load: Load,
+    pads: TwoPads,
     bounds: Bounds,
 }
 
@@ -71,10 +80,12 @@ struct ForcesOfReading {
 #[derive(Debug, Clone, Copy)]
 pub struct Contact {
     pub thickness_m: Estimate,
-    /// As [`Inputs::lever_m`].
-    pub lever_m: f64,
-    /// As [`Inputs::pressure_arm_m`].
+    /// As in [`Inputs`], like the next four.
     pub pressure_arm_m: f64,
+    pub pressure_shift_m: f64,
+    pub width_m: f64,
+    pub lever_m: f64,
+    pub offset_m: f64,
 }
 
 impl Forces {
@@ -104,7 +115,10 @@ impl Inputs {
             thickness_m: contact.thickness_m,
             contact_area_m2: gripper.finger_area_m2,
             pressure_arm_m: contact.pressure_arm_m,
+            pressure_shift_m: contact.pressure_shift_m,
+            width_m: contact.width_m,
             lever_m: contact.lever_m,
+            offset_m: contact.offset_m,
             max_curvature_1_m: options.max_curvature_of(&label.family),
             lift_angle_rad: options.lift_angle_deg.to_radians(),
         })
@@ -130,11 +144,11 @@ impl Inputs {
             force_n: estimate(&|of| force(of).newtons),
             f_star_n: estimate(&|of| f_star(&of.bounds).newtons),
         };
-        let (chosen, mass_kg) = match options.policy {
-            Policy::Mid => (mid, self.mass_kg.mid),
+        let chosen = match options.policy {
+            Policy::Mid => mid,
             Policy::Safe => {
                 let bounds = Bounds { f_min_n: high.bounds.f_min_n, ..low.bounds };
-                (ForcesOfReading { hold_n: high.hold_n, bounds }, self.mass_kg.high)
+                ForcesOfReading { bounds, ..high }
             }
         };
         Ok(Forces {
@@ -145,8 +159,8 @@ impl Inputs {
             hold_n: chosen.hold_n,
             star: f_star(&chosen.bounds),
             force: force(&chosen),
-            friction: options.policy.friction(self.friction),
-            mass_kg,
+            load: chosen.load,
+            pads: chosen.pads,
         })
     }
 
@@ -182,9 +196,14 @@ impl Inputs {
         });
         let mass_kg = read(self.mass_kg);
         let f_min_n = f_min(mass_kg, friction, self.lift_angle_rad, GRAVITY_M_S2);
-        let torque_n_m = mass_kg * GRAVITY_M_S2 * self.lever_m;
+        let torque_n_m = |arm_m: f64| mass_kg * GRAVITY_M_S2 * arm_m;
+        let load = Load { f_min_n, turning_n_m: torque_n_m(self.lever_m), tilting_n_m: torque_n_m(self.offset_m) };
+        let pads =
+            TwoPads { friction, arm_m: self.pressure_arm_m, shift_m: self.pressure_shift_m, apart_m: self.width_m };
         ForcesOfReading {
-            hold_n: f_hold(f_min_n, torque_n_m, friction, self.pressure_arm_m),
+            hold_n: f_hold(&load, &pads),
+            load,
+            pads,
             bounds: Bounds { f_min_n, upper, gripper_n: gripper.force_n, margin: options.force_margin },
         }
     }

@@ -26,6 +26,7 @@ pub mod intervals;
 pub mod options;
 pub mod picture;
 pub mod places;
+mod stiffness;
 pub mod surface;
 pub mod touch;
 
@@ -79,10 +80,24 @@ pub enum Reason {
     TooStrong,
     /// The object's weight can turn it between the fingers: the torque margin is negative.
     Turns,
-    /// Too little of the pads touches: an edge, or something much narrower than they are.
+    /// Too little of the pads touches the object: an edge, or something much narrower than they are.
     Touches,
-    /// The part is too limp to carry the object: it would fold, as a leaf.
+    /// The part is too limp to carry the object: it would fold, as a leaf does.
     Limp,
+}
+
+impl Reason {
+    /// In words, beside a place.
+    pub fn in_words(self) -> &'static str {
+        match self {
+            Self::Damage => "no force holds the object without damage",
+            Self::TooWeak => "the gripper is too weak",
+            Self::TooStrong => "the gripper cannot press so gently",
+            Self::Turns => "the object may turn between the fingers",
+            Self::Touches => "too little of the pads touches the object",
+            Self::Limp => "the part is too limp to carry the object",
+        }
+    }
 }
 
 /// The forces for one object, one part of it and one gripper. Written as `grasp.json`. Forces are those of one finger.
@@ -179,15 +194,14 @@ pub fn grasp(
         Some(best) => {
             let part = parts.of_label(best.part_id).unwrap_or(part);
             let chosen = if options.part.is_some() { PartChoice::Named } else { PartChoice::BestPlace };
-            (
-                part,
-                chosen,
-                Contact { thickness_m: best.thickness_m, lever_m: best.lever_m, pressure_arm_m: best.pressure_arm_m },
-            )
+            (part, chosen, best.contact())
         }
         None => {
             let thickness_m = part.thickness_m.ok_or_else(|| no_thickness(&part))?;
-            (part, chosen, Contact { thickness_m, lever_m: 0.0, pressure_arm_m: gripper.pressure_arm_m() })
+            let (pressure_arm_m, pressure_shift_m) = (gripper.pressure_arm_m(), gripper.pressure_shift_m());
+            let nowhere =
+                Contact { thickness_m, pressure_arm_m, pressure_shift_m, width_m: 0.0, lever_m: 0.0, offset_m: 0.0 };
+            (part, chosen, nowhere)
         }
     };
     let (_, label) = label_of(&part, labels)?;

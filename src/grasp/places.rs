@@ -51,6 +51,20 @@ impl Place {
         (self.contacts[1] - self.contacts[0]).normalize()
     }
 
+    pub fn middle(&self) -> Point3<f64> {
+        nalgebra::center(&self.contacts[0], &self.contacts[1])
+    }
+
+    /// Distance of a point from the nearer contact, m.
+    pub fn nearest_m(&self, point: Point3<f64>) -> f64 {
+        self.contacts.iter().map(|contact| (contact - point).norm()).fold(f64::INFINITY, f64::min)
+    }
+
+    /// Distance of a point from the middle of the contacts along their line, m.
+    pub fn offset_m(&self, point: Point3<f64>) -> f64 {
+        (point - self.middle()).dot(&self.axis()).abs()
+    }
+
     /// Distance of a point from the line through the contacts, m.
     pub fn lever_m(&self, point: Point3<f64>) -> f64 {
         (point - self.contacts[0]).cross(&self.axis()).norm()

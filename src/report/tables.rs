@@ -97,6 +97,7 @@ pub(super) fn places(places: &[Candidate]) -> String {
         .number("touched_share", |place| Some(place.touched_share))
         .number("bend_rad", |place| Some(place.bend_rad))
         .number("lever_m", |place| Some(place.lever_m))
+        .number("offset_m", |place| Some(place.offset_m))
         .number("force_n", |place| Some(place.force_n))
         .number("f_hold_n", |place| Some(place.f_hold_n))
         .number("f_min_n", |place| Some(place.f_min_n))

@@ -1,6 +1,8 @@
 //! Forces against hand-computed cases, and over their whole domain.
 
-use gprop::grasp::forces::{Bounds, ForceMax, GraspedPart, f_hold, f_max, f_min, f_safe, f_star};
+use gprop::grasp::forces::{
+    Bounds, ForceMax, GraspedPart, Load, TwoPads, f_hold, f_max, f_min, f_safe, f_star, torque_margin_n_m,
+};
 use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::{Surface, SurfacePoint};
 use gprop::grasp::{
@@ -183,9 +185,10 @@ fn the_force_to_press_with_by_hand() {
     };
     // 0.5 kg, 3 mm from the centre of mass, mu 0.6 and pressure 4 mm from its middle: 0.0147 N m over 2 * 0.6 * 4 mm is
     // 3.0625 N, at a right angle to 4 N.
-    let hold_n = f_hold(4.0, 0.5 * 9.8 * 0.003, 0.6, 0.004);
-    close(hold_n, (16f64 + 3.0625 * 3.0625).sqrt());
-    assert_eq!(f_hold(4.0, 0.0, 0.6, 0.004), 4.0);
+    let load = Load { f_min_n: 4.0, turning_n_m: 0.5 * 9.8 * 0.003, tilting_n_m: 0.0 };
+    let pads = TwoPads { friction: 0.6, arm_m: 0.004, shift_m: 0.0015, apart_m: 0.02 };
+    close(f_hold(&load, &pads), (16f64 + 3.0625 * 3.0625).sqrt());
+    assert_eq!(f_hold(&Load { turning_n_m: 0.0, ..load }, &pads), 4.0);
     let force = |hold_n, factor, bounds: Bounds| {
         let force = f_safe(hold_n, factor, &bounds);
         (force.newtons, force.limit, force.infeasible_because)
@@ -203,6 +206,32 @@ fn the_force_to_press_with_by_hand() {
     assert_eq!(force(5.0, 2.0, bounds(5.0, 3.0, of_paper)), (4.0, Limit::Slip, Some(Reason::Damage)));
     assert_eq!(force(41.0, 2.0, bounds(41.0, 5500.0, of_paper)), (40.0, Limit::Gripper, Some(Reason::TooWeak)));
     assert_eq!(force(0.5, 2.0, bounds(0.5, 1.5, [10.0, 40.0])), (10.0, Limit::Gripper, Some(Reason::TooStrong)));
+}
+
+#[test]
+fn one_finger_carries_more_if_the_centre_of_mass_is_beside_both() {
+    // Pads 20 mm apart, mu 0.5, pressure 4 mm from its middle, and 1.5 mm by which it can move.
+    let pads = TwoPads { friction: 0.5, arm_m: 0.004, shift_m: 0.0015, apart_m: 0.02 };
+    let load = |tilting_n_m| Load { f_min_n: 4.0, turning_n_m: 0.0, tilting_n_m };
+    // Up to 4 N * 2 * 1.5 mm, the pads keep it level by pressing harder at one edge.
+    assert_eq!(f_hold(&load(0.012), &pads), 4.0);
+    // 0.1 N m: F = 4 N + (0.1 N m - F * 3 mm) / (0.5 * 20 mm), so 1.3 F = 14 N.
+    close(f_hold(&load(0.1), &pads), 14.0 / 1.3);
+    // Besides, 0.02 N m about the line: 5 N, at a right angle. F^2 = (14 N - 0.3 F)^2 + 25 N^2.
+    let both = Load { turning_n_m: 0.02, ..load(0.1) };
+    let hold_n = f_hold(&both, &pads);
+    close(hold_n.powi(2), (14.0 - 0.3 * hold_n).powi(2) + 25.0);
+    // A wall of 1 mm, as that of a can: 3 mm of shift of the pressure is more than the friction at half a millimetre.
+    let thin = TwoPads { apart_m: 0.001, ..pads };
+    close(f_hold(&load(0.1), &thin), 204.0 / 7.0);
+    // The margin has the sign of what is too much or too little, and says by how much.
+    for (load, pads) in [(both, pads), (load(0.1), thin)] {
+        let hold_n = f_hold(&load, &pads);
+        let margin = |share: f64| torque_margin_n_m(share * hold_n, &load, &pads);
+        assert!(margin(1.0).abs() < 1e-6 && margin(0.99) < 0.0 && margin(1.01) > 0.0, "{load:?}");
+    }
+    // 10 N: without any torque about the line, 14 N - 3 N is 1 N too much of friction, on 20 mm with mu 0.5.
+    close(torque_margin_n_m(10.0, &load(0.1), &pads), -0.01);
 }
 
 #[test]
@@ -228,14 +257,20 @@ fn the_factor_or_the_paper_decides_how_hard_to_press_and_both_are_told() {
 #[test]
 fn off_the_centre_of_mass_it_presses_harder_so_that_nothing_turns() {
     let (mut parts, labels) = hammer();
-    // 8 mm beside the wedge's middle, across its line of contacts: more force than twice F_min resists.
+    // 10 mm above the wedge, across its line of contacts: more force than twice F_min resists.
     parts.object.center_of_mass_m = [0.0, 0.0, 0.03];
     let placed = |force| {
         let options = Options { force, ..of_part("handle") };
         grasp(&parts, &labels, Some(&wedge(0)), 1.0, &paper(), &options).unwrap().candidates.remove(0)
     };
     let safe = placed(ForceRule::Safety);
-    let hold_n = f_hold(safe.f_min_n, 0.56 * GRAVITY_M_S2 * safe.lever_m, 0.7, 2.0 / 3.0 * paper().contact_radius_m());
+    let torque_n_m = 0.56 * GRAVITY_M_S2 * safe.lever_m;
+    // The line of the contacts is 10 degrees or more off a face, so one pad presses on the wedge with a part of itself.
+    let arm_m = safe.pressure_arm_m / (2.0 / 3.0 * paper().contact_radius_m());
+    assert!(arm_m > 0.7 && arm_m < 1.0 && (0.4..=1.0).contains(&safe.touched_share), "{safe:?}");
+    // The centre of mass is between the fingers, so neither carries more than the other.
+    assert!(safe.offset_m < 0.5 * safe.width_m, "{safe:?}");
+    let hold_n = safe.f_min_n.hypot(torque_n_m / (2.0 * 0.7 * safe.pressure_arm_m));
     close(safe.f_hold_n, hold_n);
     assert!(hold_n > 2.0 * safe.f_min_n && safe.force_n >= hold_n, "{safe:?}");
     assert!(safe.feasible && safe.torque_margin_n_m > 0.0, "{safe:?}");
@@ -523,13 +558,14 @@ proptest! {
     fn no_force_falls_with_mass_or_strength(
         mass in 1e-3..50.0f64, more in 1e-3..50.0f64, f_max in 1e-2..1e3f64, stronger in 1.0..10.0f64,
         friction in 0.05..2.0f64, degrees in 0.0..=90.0f64, low in 0.0..50.0f64, span in 0.1..500.0f64,
-        margin in 0.0..=0.5f64, factor in 1.0..9.0f64,
+        margin in 0.0..=0.5f64, factor in 1.0..9.0f64, tilting in 0.0..1.0f64, apart_m in 1e-3..0.1f64, shift_m in 0.0..3e-3f64,
     ) {
         let forces = |mass, newtons| {
             let f_min_n = f_min(mass, friction, degrees.to_radians(), GRAVITY_M_S2);
             let upper = ForceMax { newtons, limit: Limit::Yield };
             let bounds = Bounds { f_min_n, upper, gripper_n: [low, low + span], margin };
-            let hold_n = f_hold(f_min_n, 1e-2 * mass, friction, 4e-3);
+            let load = Load { f_min_n, turning_n_m: 1e-2 * mass, tilting_n_m: tilting * mass };
+            let hold_n = f_hold(&load, &TwoPads { friction, arm_m: 4e-3, shift_m, apart_m });
             [f_star(&bounds), f_safe(hold_n, factor, &bounds)].map(|force| force.newtons)
         };
         // Rounding of forces up to 1e4 N.
@@ -538,6 +574,24 @@ proptest! {
             prop_assert!(forces(mass, f_max)[rule] <= forces(mass + more, f_max)[rule] + slack);
             prop_assert!(forces(mass, f_max)[rule] <= forces(mass, f_max * stronger)[rule] + slack);
         }
+    }
+
+    /// Whatever turns and tilts the object: more of it never needs less force, and the margin is zero where force just holds.
+    #[test]
+    fn the_least_force_that_holds_is_where_the_margin_is_zero(
+        f_min_n in 0.01..50.0f64, turning_n_m in 0.0..1.0f64, tilting_n_m in 0.0..2.0f64, more in 1.0..3.0f64,
+        friction in 0.05..2.0f64, arm_m in 1e-4..1e-2f64, shift_m in 0.0..3e-3f64, apart_m in 1e-3..0.1f64,
+    ) {
+        let (load, pads) = (Load { f_min_n, turning_n_m, tilting_n_m }, TwoPads { friction, arm_m, shift_m, apart_m });
+        let hold_n = f_hold(&load, &pads);
+        prop_assert!(hold_n.is_finite() && hold_n >= f_min_n);
+        prop_assert!(torque_margin_n_m(1.001 * hold_n, &load, &pads) >= 0.0);
+        prop_assert!(torque_margin_n_m(0.999 * hold_n, &load, &pads) <= 0.0);
+        // Rounding of forces up to 1e6 N.
+        let slack = 1e-9 * hold_n;
+        let tilted = Load { tilting_n_m: more * tilting_n_m, ..load };
+        let turned = Load { turning_n_m: more * turning_n_m, ..load };
+        prop_assert!(f_hold(&tilted, &pads) >= hold_n - slack && f_hold(&turned, &pads) >= hold_n - slack);
     }
 
     #[test]

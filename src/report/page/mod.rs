@@ -17,7 +17,7 @@ use minijinja::value::Serde;
 use minijinja::{Value, context};
 
 use crate::grasp::candidates::Candidate;
-use crate::grasp::{ForceRule, GraspReport, Limit};
+use crate::grasp::{ForceRule, GraspReport, Limit, Reason};
 use crate::materials::stats::Provenance;
 use crate::materials::{Material, MaterialLibrary, SPELLINGS};
 use crate::parts::Part;
@@ -360,6 +360,7 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
         numbers => vec![
             significant(place.width_m * 1e3),
             figures(place.thickness_m, 1e3).mid,
+            format!("{:.0}", 100.0 * place.touched_share),
             significant(place.lever_m * 1e3),
             significant(place.force_n),
             significant(place.f_min_n),
@@ -367,6 +368,7 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
             significant(place.f_star_n),
             significant(place.torque_margin_n_m * 1e3),
         ],
+        verdict => place.infeasible_because.map_or("safe", Reason::in_words),
     }
 }
 
