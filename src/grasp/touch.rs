@@ -26,7 +26,7 @@ const HOLE: f64 = 1.5;
 const COARSE: f64 = 0.5;
 /// Points from which the spacing is estimated, and by which a surface is known under a pad.
 const MEASURED: usize = 24;
-const MOST: usize = 600;
+const MOST: usize = 1000;
 /// The distance from a disc's middle within which a force on an evenly springy disc presses all of it, as a share of the mean
 /// distance of even pressure: r/4 (the kern of a circle) of 2/3 r.
 const KERN: f64 = 3.0 / 8.0;
@@ -114,8 +114,9 @@ impl<'a> Pads<'a> {
     fn below(&self, contact: Point3<f64>, outward: Vector3<f64>) -> Vec<Below> {
         let across = outward.cross(&if outward.z.abs() < 0.9 { Vector3::z() } else { Vector3::x() }).normalize();
         let along = outward.cross(&across);
-        let reach_m = ((1.0 + COARSE) * self.radius_m).hypot(DEEPEST_M);
-        let facing = self.cells.near(contact, reach_m).filter(|&i| self.points[i].normal.dot(&outward) > FACING);
+        let reach_m = (1.0 + COARSE) * self.radius_m;
+        let near = self.cells.near(contact, reach_m.hypot(DEEPEST_M));
+        let facing = near.filter(|&i| self.points[i].normal.dot(&outward) > FACING);
         let in_plane = |v: &Vector3<f64>| [v.dot(&across), v.dot(&along)];
         let point = |i: usize| {
             let SurfacePoint { position, normal, .. } = self.points[i];
@@ -123,7 +124,8 @@ impl<'a> Pads<'a> {
             let falls = Vector2::from(in_plane(&normal)) / normal.dot(&outward);
             Below { at: in_plane(&off), height_m: off.dot(&outward), falls }
         };
-        let all: Vec<Below> = facing.map(point).filter(|point| point.height_m.abs() <= DEEPEST_M).collect();
+        let is_near = |p: &Below| p.height_m.abs() <= DEEPEST_M && is_within(p.at, [0.0; 2], reach_m);
+        let all: Vec<Below> = facing.map(point).filter(is_near).collect();
         let step = all.len().div_ceil(MOST).max(1);
         all.into_iter().step_by(step).collect()
     }
@@ -152,20 +154,17 @@ pub fn whole_shift_m(arm_m: f64) -> f64 {
 
 /// The larger curvature of the surface under a pad: how fast it falls, by least squares over the place. Positive if it is convex.
 fn curvature_1_m(below: &[Below], radius_m: f64) -> f64 {
-    let under: Vec<(Vector2<f64>, Vector2<f64>)> = below
-        .iter()
-        .filter(|point| distance(point.at, [0.0; 2]) <= radius_m)
-        .map(|point| (Vector2::from(point.at), point.falls))
-        .collect();
-    let count = under.len().max(1) as f64;
-    let mean_at = under.iter().map(|(at, _)| at).sum::<Vector2<f64>>() / count;
-    let sum = |value: &dyn Fn(&Vector2<f64>, &Vector2<f64>) -> Matrix2<f64>| {
-        under.iter().map(|(at, falls)| value(&(at - mean_at), falls)).sum::<Matrix2<f64>>()
-    };
-    let spread = sum(&|at, _| at * at.transpose());
+    let under: Vec<&Below> = below.iter().filter(|point| is_within(point.at, [0.0; 2], radius_m)).collect();
+    let middle = under.iter().map(|point| Vector2::from(point.at)).sum::<Vector2<f64>>() / under.len().max(1) as f64;
+    let (mut spread, mut fall) = (Matrix2::zeros(), Matrix2::zeros());
+    for point in under {
+        let off = Vector2::from(point.at) - middle;
+        spread += off * off.transpose();
+        fall += point.falls * off.transpose();
+    }
     let Some(inverse) = spread.try_inverse() else { return 0.0 };
-    let falls_by_place = sum(&|at, falls| falls * at.transpose()) * inverse;
-    (0.5 * (falls_by_place + falls_by_place.transpose())).symmetric_eigenvalues().max()
+    let curvature = fall * inverse;
+    (0.5 * (curvature + curvature.transpose())).symmetric_eigenvalues().max()
 }
 
 /// How far apart the points are; `None` if there are too few.
@@ -188,13 +187,13 @@ fn covers(points: &[Below], hole_m: f64, [x, y]: OnPad) -> bool {
     (0..AROUND).all(|k| {
         let (sin, cos) = (std::f64::consts::TAU * k as f64 / AROUND as f64).sin_cos();
         let beside = [x + hole_m * cos, y + hole_m * sin];
-        points.iter().any(|point| distance(point.at, beside) <= hole_m)
+        points.iter().any(|point| is_within(point.at, beside, hole_m))
     })
 }
 
 /// The mean height of the surface around a place; `None` in a hole.
 fn height_m(points: &[Below], hole_m: f64, at: OnPad) -> Option<f64> {
-    let near = points.iter().filter(|point| distance(point.at, at) <= hole_m);
+    let near = points.iter().filter(|point| is_within(point.at, at, hole_m));
     let (count, sum) = near.fold((0, 0.0), |(count, sum), point| (count + 1, sum + point.height_m));
     (count > 0).then(|| sum / f64::from(count))
 }
@@ -208,6 +207,10 @@ fn mean_arm_m(pressed: &[Pressed]) -> f64 {
     let mean = |value: &dyn Fn(OnPad) -> f64| pressed.iter().map(|p| p.depth_m * value(p.at)).sum::<f64>() / all;
     let middle = [mean(&|[x, _]| x), mean(&|[_, y]| y)];
     mean(&|at| distance(at, middle))
+}
+
+fn is_within([x, y]: OnPad, [u, v]: OnPad, reach_m: f64) -> bool {
+    (x - u).powi(2) + (y - v).powi(2) <= reach_m * reach_m
 }
 
 fn distance([x, y]: OnPad, [u, v]: OnPad) -> f64 {
