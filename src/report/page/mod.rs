@@ -368,7 +368,7 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
             significant(place.f_star_n),
             significant(place.torque_margin_n_m * 1e3),
         ],
-        verdict => place.infeasible_because.map_or("safe", Reason::in_words),
+        unsafe => place.infeasible_because.map(Reason::in_words),
     }
 }
 
