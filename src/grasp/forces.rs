@@ -178,8 +178,8 @@ pub fn torque_margin_n_m(force_n: f64, load: &Load, pads: &TwoPads) -> f64 {
     pads.friction * (2.0 * pads.arm_m * spare_n - pads.apart_m * missing_n) - load.turning_n_m
 }
 
-/// `factor` times [`f_hold`], as far as part and gripper allow; between their bounds it keeps the same margin below the
-/// upper one as F*. Where no force avoids both slip and damage, F*.
+/// `factor` times [`f_hold`], as far as part and gripper allow: never nearer, as a ratio, to what damages the part than to what
+/// holds it, and as far below the gripper's most as F*. Where no force avoids both slip and damage, F*.
 pub fn f_safe(hold_n: f64, factor: f64, bounds: &Bounds) -> Force {
     let &Bounds { f_min_n, upper, gripper_n, margin } = bounds;
     let star = f_star(bounds);
@@ -187,11 +187,12 @@ pub fn f_safe(hold_n: f64, factor: f64, bounds: &Bounds) -> Force {
         return star;
     }
     let [least, most] = [f_min_n, upper.newtons].map(|force| force.clamp(gripper_n[0], gripper_n[1]));
-    let wanted = factor * hold_n;
+    let even = (hold_n * upper.newtons).sqrt().max(hold_n);
+    let wanted = (factor * hold_n).min(even);
     let newtons = wanted.clamp(least, most - margin * (most - least));
-    let limit = if newtons == wanted {
+    let limit = if newtons == factor * hold_n {
         Limit::Safety
-    } else if newtons < wanted && most == upper.newtons {
+    } else if newtons == even || newtons < wanted && most == upper.newtons {
         upper.limit
     } else {
         Limit::Gripper

@@ -4,7 +4,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::Report;
-use crate::grasp::{ForceRule, GraspReport};
+use crate::grasp::{ForceRule, GraspReport, Limit};
 use crate::parts::Parts;
 use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::FieldLabel;
@@ -126,7 +126,7 @@ pub fn grasp_line(grasp: &GraspReport) -> String {
             "grasp  {} N at the {part}: {}{}{estimated}\n",
             significant(grasp.force_n),
             bounds_in_words(grasp),
-            papers_force(grasp),
+            cut_short(grasp) + &papers_force(grasp),
         ),
         Some(why) => format!("grasp  no safe grip at the {part}: {}{estimated}\n", one_line(&why.explanation)),
     }
@@ -137,6 +137,20 @@ pub(super) fn bounds_in_words(grasp: &GraspReport) -> String {
     let [slip, hold, damage] = [grasp.f_min_n, grasp.f_hold_n, grasp.f_max_n].map(significant);
     let turns = if hold == slip { String::new() } else { format!("may turn below {hold} N, ") };
     format!("slips below {slip} N, {turns}damaged above {damage} N")
+}
+
+/// Why the force is less than the safety factor asks for, if it is.
+fn cut_short(grasp: &GraspReport) -> String {
+    let times = grasp.force_n / grasp.f_hold_n;
+    let why = match grasp.force_limited_by {
+        Limit::Yield | Limit::Bending => "more would come too near to damage",
+        Limit::Gripper if times < grasp.safety_factor => "the gripper cannot press harder",
+        Limit::Gripper | Limit::Safety | Limit::Slip => return String::new(),
+    };
+    match grasp.force_rule {
+        ForceRule::Safety => format!("; only {} times what holds it, as {why}", significant(times)),
+        ForceRule::Paper => String::new(),
+    }
 }
 
 /// The paper's F* beside the force to press with, if that is another.

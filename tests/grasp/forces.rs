@@ -197,9 +197,11 @@ fn the_force_to_press_with_by_hand() {
     // Twice what holds.
     assert_eq!(force(4.0, 2.0, bounds(4.0, 5500.0, of_paper)), (8.0, Limit::Safety, None));
     assert_eq!(force(5.0, 3.0, bounds(4.0, 5500.0, of_paper)), (15.0, Limit::Safety, None));
-    // At most 6 - 0.05 * (6 - 4) on what breaks at 6 N; at most 40 - 0.05 * (40 - 30) with this gripper, at least 10 with the
+    // As far from 6 N, which damages it, as from 4 N, as a ratio; at most 6 - 0.05 * (6 - 4) though. At most 40 - 0.05 * (40 - 30) with this gripper, at least 10 with the
     // other.
-    assert_eq!(force(4.0, 2.0, bounds(4.0, 6.0, of_paper)), (5.9, Limit::Bending, None));
+    assert_eq!(force(4.0, 2.0, bounds(4.0, 6.0, of_paper)), (24f64.sqrt(), Limit::Bending, None));
+    assert_eq!(force(5.9, 2.0, bounds(4.0, 6.0, of_paper)), (5.9, Limit::Bending, None));
+    assert_eq!(force(7.0, 2.0, bounds(4.0, 6.0, of_paper)), (5.9, Limit::Bending, None), "it may turn");
     assert_eq!(force(30.0, 2.0, bounds(30.0, 5500.0, of_paper)), (39.5, Limit::Gripper, None));
     assert_eq!(force(4.0, 2.0, bounds(4.0, 5500.0, [10.0, 40.0])), (10.0, Limit::Gripper, None));
     // Where nothing holds without damage, the same as F*.

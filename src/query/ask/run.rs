@@ -164,7 +164,9 @@ impl Queries<'_> {
         let asker = asker.filter(|_| self.options.answers.may_ask());
         let outcome = match (self.recorded_whole(whole, recordings, asker.map(Asker::answerer)), asker) {
             (Ok(answer), _) => WholeOutcome::Answered(answer),
-            (Err(miss), None) => return Err(QueryError::MissingWhole { purpose: whole.purpose, view, miss, scene: None }),
+            (Err(miss), None) => {
+                return Err(QueryError::MissingWhole { purpose: whole.purpose, view, miss, scene: None });
+            }
             (Err(_), Some(asker)) => {
                 check_ready(asker, 1)?;
                 let cost = self.cost_of_whole(whole, budget.price());

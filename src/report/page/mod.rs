@@ -339,7 +339,7 @@ fn reason_of_force(grasp: &GraspReport) -> String {
             )
         }
         (ForceRule::Safety, limit) => {
-            let bound = if limit == Limit::Gripper { "the gripper's range" } else { "F_max" };
+            let bound = if limit == Limit::Gripper { "the gripper's range" } else { "what damages it" };
             format!(
                 " It would be {factor} times the least force that holds the object, {} N, but for {bound}; the paper's F* is {} N.",
                 significant(grasp.f_hold_n),
