@@ -573,9 +573,12 @@ mod tests {
             believe(&evidence, &mut unknowns)
         };
         let believed = weighed(None);
-        assert_eq!(believed.mass_kg, believed.object.shape_kg);
+        let of = |mass: Estimate| [mass.low, mass.mid, mass.high];
+        for (found, shape) in of(believed.mass_kg).into_iter().zip(of(believed.object.shape_kg)) {
+            assert!((found / shape).ln().abs() < 1e-4, "the grid cuts off a little of each density: {found}, {shape}");
+        }
         for (hypothesis, stated) in believed.object.hypotheses.iter().zip(&possible.hypotheses) {
-            assert!((hypothesis.probability - stated.probability).abs() < 1e-6, "{hypothesis:?}");
+            assert!((hypothesis.probability - stated.probability).abs() < 1e-4, "{hypothesis:?}");
         }
         assert!(weighed(Some(0.2)).object.hypotheses[1].probability > 0.5, "a reading still decides");
     }
