@@ -139,7 +139,8 @@ fn move_rows<T: Copy + Send + Sync, const N: usize>(
         from_fn(|r| rows[r][place as usize % LANES])
     };
     let values: Vec<[T; N]> = parallel::map(places, value);
-    parallel::for_each_mut(packs, |n, pack| {
+    // There may be more packs than groups.
+    parallel::for_each_mut(&mut packs[..groups.len()], |n, pack| {
         let group = &groups[n];
         let rows = rows_mut(pack);
         for (lane, value) in values[group.first as usize..][..group.live as usize].iter().enumerate() {

@@ -105,7 +105,7 @@ fn one_picture_is_enough() {
     // With other labels the questions differ: no question uses the recordings, and they are pruned.
     let missed = query(&path, None, &["--answers", "replay", "--labels", "abo"]).output().unwrap();
     assert_eq!(missed.status.code(), Some(5), "{}", said(&missed));
-    assert!(said(&missed).contains("view tool, question"), "{}", said(&missed));
+    assert!(said(&missed).contains("view tool, region"), "{}", said(&missed));
     let kept = query(&path, None, &["--prune"]).output().unwrap();
     assert!(said(&kept).contains(&format!("0 recordings removed, {segments} kept")), "{}", said(&kept));
     let pruned = query(&path, None, &["--prune", "--labels", "abo"]).output().unwrap();

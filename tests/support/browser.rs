@@ -275,6 +275,8 @@ impl Page {
             "ArrowLeft" => (37, ""),
             "ArrowUp" => (38, ""),
             "." => (190, key),
+            "," => (188, key),
+            "%" => (53, key),
             character => (character.bytes().next().unwrap().to_ascii_uppercase().into(), key),
         };
         let number: u32 = number;
