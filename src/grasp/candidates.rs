@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
-use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use super::cells::Cells;
@@ -15,6 +14,7 @@ use super::stiffness::{FOLDS_RAD, bend_rad};
 use super::surface::Surface;
 use super::touch::{Pads, Touch};
 use super::{GraspError, GripperProfile, Limit, Options, Reason};
+use crate::parallel;
 use crate::parts::Parts;
 use crate::units::Estimate;
 use crate::vote::FieldLabel;
@@ -157,7 +157,7 @@ pub fn candidates(
     }
     let positions: Vec<Point3<f64>> = object.surface.points.iter().map(|point| point.position).collect();
     let pads = Pads::new(object.surface, &positions, gripper.contact_radius_m());
-    let touches: Vec<Touch> = fitting.par_iter().map(|place| pads.touch(place)).collect();
+    let touches: Vec<Touch> = parallel::map(&fitting, |place| pads.touch(place));
     let mut ranked = Vec::with_capacity(fitting.len());
     let mut left_out: BTreeMap<u32, GraspError> = BTreeMap::new();
     for (place, touch) in fitting.into_iter().zip(touches) {
