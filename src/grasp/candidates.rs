@@ -22,9 +22,9 @@ use crate::vote::FieldLabel;
 /// How many places are reported.
 pub const REPORTED: usize = 5;
 /// Places are ranked by the sum of three terms, smallest first: distance of the line of the contacts from the centre of
-/// mass (near a `--point`, of a contact from that point) over the object's radius; F_hold (near a `--point`, where it would lead
-/// away from there, F_min) over the greatest force that part and gripper allow; and misalignment over the friction cone, with this
-/// weight. Those at which the object may turn between the fingers come after the others, and those that hold nothing last.
+/// mass (near a `--point`, of a contact from that point) over the object's radius; F_hold over the greatest force that part and
+/// gripper allow (F_min near a `--point`, from which F_hold would lead away, and where F_hold is more than is allowed, since the
+/// object may turn there anyway); and misalignment over the friction cone, with this weight. Those at which the object may turn between the fingers come after the others, and those that hold nothing last.
 const MISALIGNMENT_WEIGHT: f64 = 0.25;
 /// Pads that touch with less of themselves do not hold: what they press on is a line or a point, about which the object rocks. A
 /// rail of a quarter of a pad's width touches with as much, and so does a pad whose middle lies an eighth of its width beyond an edge.
@@ -217,12 +217,13 @@ fn rank(grips: &mut Vec<Grip>, object: &Graspable, wanted: Where, gripper: &Grip
     let distances = object.surface.points.iter().map(|p| (p.position - center).norm());
     let radius = distances.fold(f64::MIN_POSITIVE, f64::max);
     let cost = |Grip { place, forces, .. }: &Grip| {
+        let allowed_n = forces.upper.newtons.min(gripper.force_n[1]);
         let (distance_m, needed_n) = match wanted {
             Where::Near(point) => (place.nearest_m(point), forces.f_min_n),
+            Where::Anywhere | Where::Part(_) if forces.hold_n > allowed_n => (forces.inputs.lever_m, forces.f_min_n),
             Where::Anywhere | Where::Part(_) => (forces.inputs.lever_m, forces.hold_n),
         };
         let misalignment = place.misalignment_rad / friction[place.part as usize].atan();
-        let allowed_n = forces.upper.newtons.min(gripper.force_n[1]);
         distance_m / radius + MISALIGNMENT_WEIGHT * misalignment + needed_n / allowed_n
     };
     let mut keyed: Vec<(u8, f64, Grip)> = grips.drain(..).map(|grip| (grip.flaw(), cost(&grip), grip)).collect();
