@@ -20,7 +20,9 @@ const SPREAD: usize = 48;
 const FACING: f64 = 0.5;
 /// The neighbour in this rank is as far away as the points of an even grid are apart.
 const NEIGHBOUR: usize = 4;
-/// A gap as wide as this many spacings is a hole: in a surface that is strewn at random, one in a thousand is by chance.
+/// The Gaussians of a splat cluster, so the spacing is that of this share of them, not of most.
+const WIDELY: f64 = 0.9;
+/// A gap as wide as this many spacings is a hole: half again as wide as the points are apart where they are few.
 const HOLE: f64 = 1.5;
 /// Points that are strewn so widely that only holes as large as this share of the pad's radius show do not tell what it touches.
 const COARSE: f64 = 0.5;
@@ -167,7 +169,7 @@ fn curvature_1_m(below: &[Below], radius_m: f64) -> f64 {
     (0.5 * (curvature + curvature.transpose())).symmetric_eigenvalues().max()
 }
 
-/// How far apart the points are; `None` if there are too few.
+/// How far apart the points are where they are few; `None` if there are too few of them.
 fn spacing_m(points: &[Below]) -> Option<f64> {
     let count = points.len().min(MEASURED);
     let of_point = |k: usize| {
@@ -178,7 +180,7 @@ fn spacing_m(points: &[Below]) -> Option<f64> {
     };
     let mut all: Vec<f64> = (0..count).filter_map(of_point).collect();
     all.sort_by(f64::total_cmp);
-    all.get(all.len() / 2).copied()
+    all.get((WIDELY * all.len() as f64) as usize).copied()
 }
 
 /// Whether points without a hole between them lie all around a place. (The union of discs around the points, from whose edge as
