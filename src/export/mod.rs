@@ -513,7 +513,7 @@ impl Rigid<'_> {
     /// The least restitution of all colliders; of all parts, if there are no colliders.
     fn least_restitution(&self) -> Option<f64> {
         let of_colliders = self.colliders.iter().filter_map(|collider| restitution(self.label(collider)));
-        of_colliders.reduce(f64::min).or_else(|| self.labels.iter().filter_map(restitution).reduce(f64::min))
+        of_colliders.reduce(f64::min).or_else(|| least_restitution(self.labels))
     }
 
     /// The corners of the box around the colliders, m; around the skin, if there are none.
@@ -555,6 +555,11 @@ fn friction(label: &FieldLabel, on_steel: Option<&MaterialLibrary>) -> f64 {
 /// The coefficient of restitution of a part on a hard surface, if the library says it.
 fn restitution(label: &FieldLabel) -> Option<f64> {
     label.restitution.map(|estimate| estimate.mid)
+}
+
+/// The least restitution of all parts, if the library says any.
+fn least_restitution(labels: &[FieldLabel]) -> Option<f64> {
+    labels.iter().filter_map(restitution).reduce(f64::min)
 }
 
 /// A physics material of `KHR_physics_rigid_bodies`. Of two materials that touch, the larger restitution counts, since that of

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Point3, Rotation3};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::super::{Model, least_friction, part_facts, restitution};
+use super::super::{Model, least_friction, least_restitution, part_facts};
 use crate::parts::Parts;
 use crate::scene::mesh::{Mesh, MeshFormat, y_up_from_z_up};
 use crate::units::Estimate;
@@ -76,7 +76,7 @@ impl Facts {
             inertia_kg_m2: std::array::from_fn(|row| std::array::from_fn(|column| inertia[(row, column)])),
             meters_per_unit: frame.meters_per_unit,
             friction_rubber: least_friction(&model.field.labels, parts, None),
-            restitution: model.field.labels.iter().filter_map(restitution).reduce(f64::min),
+            restitution: least_restitution(&model.field.labels),
             claimed_mass_kg: mesh.claimed_mass_kg,
             materials: material_names(&model.field.labels).into_iter().map(str::to_owned).collect(),
             parts: model.field.labels.iter().map(|label| part_facts(model, label.id)).collect(),

@@ -112,17 +112,6 @@ fn subjects_of(view: &ViewSubjects, about: AskAbout, options: &Options) -> Resul
         let sheet = drawer
             .sheet(id)
             .ok_or_else(|| QueryError::EmptySubject { view: view.name.into(), subject: SubjectId::of(about, id) })?;
-        let mask = Mask::of_id(map, id);
-        Ok(ShownSubject {
-            view: view.name.into(),
-            id,
-            photo_sha256: photo_sha256.clone(),
-            color: mask.mean_color(&photo.rgb),
-            mask,
-            regions: Vec::new(),
-            sheet_sha256: sheet.pixels_sha256(),
-            sheet_size: sheet.picture.dimensions(),
-            jpeg: sheet.jpeg(),
-        })
+        Ok(ShownSubject::in_hashed(view.name, id, photo, photo_sha256.clone(), Mask::of_id(map, id), &sheet))
     })
 }

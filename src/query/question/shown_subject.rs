@@ -29,10 +29,16 @@ pub struct ShownSubject {
 impl ShownSubject {
     /// The subject that `mask` marks in the `photo` of this view, on its sheet.
     pub fn new(view: &str, id: u16, photo: &Photo, mask: Mask, sheet: &Sheet) -> Self {
+        let photo_sha256 = Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw());
+        Self::in_hashed(view, id, photo, photo_sha256, mask, sheet)
+    }
+
+    /// As [`Self::new`], for several subjects of a photo that is hashed once.
+    pub fn in_hashed(view: &str, id: u16, photo: &Photo, photo_sha256: Sha256Hex, mask: Mask, sheet: &Sheet) -> Self {
         Self {
             view: view.to_owned(),
             id,
-            photo_sha256: Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw()),
+            photo_sha256,
             color: mask.mean_color(&photo.rgb),
             mask,
             regions: Vec::new(),
