@@ -117,6 +117,7 @@ pub mod links;
 pub mod local_server;
 #[doc(hidden)]
 pub mod materials;
+mod mcp;
 #[doc(hidden)]
 pub mod mpm;
 #[doc(hidden)]

@@ -20,6 +20,8 @@ mod libraries;
 mod segment;
 // The material library.
 mod materials;
+// Tools for agents: the protocol, its client, answers, hostile input.
+mod mcp;
 // What URDF and MJCF claim, checked without a model.
 mod audit;
 // Links of URDF and MJCF as objects, and the files back with what was found.

@@ -82,6 +82,7 @@ fn long(argument: &Arg) -> Option<String> {
 /// Every option that takes a number: the smallest and the largest valid one, and the nearest invalid numbers beyond.
 const NUMBERS: &[(&str, [&str; 2], [&str; 2])] = &[
     ("--threads", ["1", "1024"], ["0", "1025"]),
+    ("--allow-paid", ["0", "1e6"], ["-0.01", "1000001"]),
     ("--views", ["1", "100000"], ["0", "100001"]),
     ("--collider-volume", ["1", "1000000"], ["0.99", "1000001"]),
     ("--collider-distance", ["0", "1000"], ["-0.01", "1001"]),
@@ -200,7 +201,8 @@ fn numbers_beyond_their_domain_end_with_code_2_before_anything_is_done() {
         let mut command = gprop();
         command.arg("run").arg(balls.scene(0)).arg(format!("{flag}={value}")).args(["--to", "scene"]).output().unwrap()
     };
-    let of_runs = |flag: &str| !["--start", "--end", "--jobs", "--memory", "--shard", "--few-views"].contains(&flag);
+    let of_others = ["--start", "--end", "--jobs", "--memory", "--shard", "--few-views", "--allow-paid"];
+    let of_runs = |flag: &str| !of_others.contains(&flag);
     for (flag, _, beyond) in NUMBERS.iter().filter(|(flag, ..)| of_runs(flag)) {
         // The test above covers more values.
         let value = beyond[0];
@@ -270,6 +272,7 @@ const PATHS: &[(&str, Wants)] = &[
     ("--export", Wants::Anything),
     ("--html", Wants::Anything),
     ("--plot", Wants::Anything),
+    ("--root", Wants::Folder),
     ("--profile", Wants::Anything),
 ];
 

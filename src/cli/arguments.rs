@@ -15,6 +15,8 @@ use crate::query::batch_api;
 use crate::scene::SizedMarker;
 use crate::{audit, batch, export, grasp, inspect, materials, objects, scene, setup};
 
+use super::mcp::McpArgs;
+
 /// More than the cores of any machine on which gprop was run. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
 
@@ -46,6 +48,9 @@ pub struct Global {
     /// Number of threads; the result does not depend on it [default: all cores]
     #[arg(long, global = true, value_name = "N", display_order = 903, value_parser = from_to(1, MOST_THREADS))]
     pub threads: Option<usize>,
+    /// For `gprop mcp`: tell what happens as lines of JSON on stderr, and end when stdin closes.
+    #[arg(long, global = true, hide = true)]
+    pub for_mcp: bool,
     #[arg(skip)]
     pub flags: StageFlags,
     /// True in the process of a scene of a batch.
@@ -116,6 +121,8 @@ pub enum Command {
     /// Draw a marker that, printed and photographed, gives a scene its scale.
     #[command(subcommand)]
     Scale(Scale),
+    /// Serve these commands to an agent as tools of the Model Context Protocol (MCP), on stdin and stdout.
+    Mcp(McpArgs),
     /// Fetch ONNX Runtime and SAM into the cache, or show where they are.
     Setup(SetupArgs),
     /// Check ONNX Runtime and SAM without fetching anything.

@@ -11,7 +11,9 @@ mod help;
 mod last_run;
 mod log;
 mod manual;
+mod mcp;
 mod objects;
+mod option_types;
 mod picture;
 #[cfg(test)]
 mod python;
@@ -73,6 +75,9 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
     }
     last_run::tell(global);
+    if global.for_mcp {
+        crate::batch::end_with_the_batch();
+    }
     match &cli.command {
         Command::Run(args) => {
             if args.end_with_stdin || args.for_python.is_some() {
@@ -119,6 +124,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Command::Evaluate(what) => evaluate::evaluate(global, what),
         Command::Materials(what) => tools::materials(global, what),
         Command::Scale(what) => tools::scale(global, what),
+        Command::Mcp(args) => mcp::serve(global, args),
         Command::Setup(args) => tools::set_up(global, &args.options),
         Command::Doctor(args) => tools::doctor(global, &args.options),
         Command::Help { of } => help::show(of),

@@ -1,15 +1,12 @@
 //! The options of the Python module, `python/gprop/_options.py`: generated from the definitions of the flags, so that names,
 //! types and documentation cannot differ.
 
-use std::any::TypeId;
-use std::ffi::OsString;
-use std::num::NonZeroUsize;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::{env, fs};
 
-use clap::builder::PossibleValue;
-use clap::{Arg, ArgAction, Args};
+use clap::{Arg, Args};
 
+use super::option_types::{Kind, doc_of, takes_several};
 use super::{Global, command};
 use crate::files::json;
 use crate::pipeline::{self, THREADS};
@@ -38,7 +35,7 @@ const RESERVED: &[&str] = &["from"];
 
 /// Flags that Python's functions set themselves, have as parameters of their own, or have no use for.
 const NOT_OPTIONS: &[&str] =
-    &["json", "quiet", "verbose", "help", "help-all", "dry-run", "end-with-stdin", "for-python"];
+    &["json", "quiet", "verbose", "help", "help-all", "dry-run", "end-with-stdin", "for-mcp", "for-python"];
 
 /// A class whose fields are options.
 struct Class<'a> {
@@ -64,81 +61,25 @@ impl Class<'_> {
 
 /// Marks an option that is given as `true` or `false`, where a switch is given or not.
 fn mark_of(option: &Arg) -> &'static str {
-    let is_bool = option.get_value_parser().type_id() == TypeId::of::<bool>();
-    if is_bool && option.get_action().takes_values() { ", \"true or false\"" } else { "" }
+    if Kind::of(option) == Kind::Bool { ", \"true or false\"" } else { "" }
 }
 
 /// The type of a keyword argument.
 fn type_of(option: &Arg) -> String {
-    if !option.get_action().takes_values() {
-        return "bool".to_owned();
-    }
-    let parsed = option.get_value_parser().type_id();
-    let is = |types: &[TypeId]| types.iter().any(|of| parsed == *of);
-    let one = if is_choice(option) {
-        let choices = option.get_possible_values();
-        let choices: Vec<_> = choices.iter().map(|value| format!("{:?}", value.get_name())).collect();
-        format!("Literal[{}]", choices.join(", "))
-    } else if is(&[TypeId::of::<bool>()]) {
-        "bool".to_owned()
-    } else if is(&[TypeId::of::<f32>(), TypeId::of::<f64>()]) && !takes_units(option) {
-        "float".to_owned()
-    } else if is(&integers()) {
-        "int".to_owned()
-    } else if is(&[TypeId::of::<PathBuf>()]) {
-        "Path".to_owned()
-    } else if is(&[TypeId::of::<String>(), TypeId::of::<OsString>()]) {
-        "str".to_owned()
-    } else {
-        // Text that means a length, a mass, a number or "auto", and the like.
-        "str | float".to_owned()
+    let one = match Kind::of(option) {
+        Kind::Switch => return "bool".to_owned(),
+        Kind::Bool => "bool".to_owned(),
+        Kind::Choice(words) => {
+            let words: Vec<_> = words.iter().map(|word| format!("{word:?}")).collect();
+            format!("Literal[{}]", words.join(", "))
+        }
+        Kind::Float => "float".to_owned(),
+        Kind::Int => "int".to_owned(),
+        Kind::Path => "Path".to_owned(),
+        Kind::Text => "str".to_owned(),
+        Kind::TextOrNumber => "str | float".to_owned(),
     };
-    if matches!(option.get_action(), ArgAction::Append) { format!("{one} | Sequence[{one}]") } else { one }
-}
-
-/// Whether an option takes one of a few words.
-fn is_choice(option: &Arg) -> bool {
-    let is_bool = option.get_value_parser().type_id() == TypeId::of::<bool>();
-    option.get_action().takes_values() && !is_bool && !option.get_possible_values().is_empty()
-}
-
-/// Whether a number may have a unit, which makes it a text.
-fn takes_units(option: &Arg) -> bool {
-    let command = clap::Command::new("option").arg(option.clone().required(true));
-    let flag = format!("--{}=", option.get_long().unwrap_or_default());
-    ["1g", "1mm"].iter().any(|value| command.clone().try_get_matches_from(["option", &(flag.clone() + value)]).is_ok())
-}
-
-fn integers() -> [TypeId; 8] {
-    [
-        TypeId::of::<u8>(),
-        TypeId::of::<u16>(),
-        TypeId::of::<u32>(),
-        TypeId::of::<u64>(),
-        TypeId::of::<usize>(),
-        TypeId::of::<i32>(),
-        TypeId::of::<i64>(),
-        TypeId::of::<NonZeroUsize>(),
-    ]
-}
-
-/// The help on one line, with the default.
-fn doc_of(option: &Arg) -> String {
-    let help = option.get_long_help().or_else(|| option.get_help()).map(ToString::to_string).unwrap_or_default();
-    let paragraphs = help.replace("\n\n", ". ");
-    let mut words: Vec<&str> = paragraphs.split_whitespace().collect();
-    let defaults: Vec<_> = option.get_default_values().iter().map(|value| value.to_string_lossy()).collect();
-    let default = format!("[default: {}]", defaults.join(","));
-    if option.get_action().takes_values() && !defaults.is_empty() && !option.is_hide_default_value_set() {
-        words.push(&default);
-    }
-    let choices = option.get_possible_values();
-    let choices: Vec<_> = choices.iter().map(PossibleValue::get_name).collect();
-    let choices = format!("[possible values: {}]", choices.join(", "));
-    if is_choice(option) {
-        words.push(&choices);
-    }
-    words.join(" ")
+    if takes_several(option) { format!("{one} | Sequence[{one}]") } else { one }
 }
 
 /// The options of a command that are not in `known`.

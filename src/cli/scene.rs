@@ -18,7 +18,7 @@ use crate::report;
 use crate::units::MetricScale;
 use crate::words::shell;
 use crate::workdir::Artifact;
-use crate::{batch, config};
+use crate::{batch, config, mcp};
 
 use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_path, print_text, shown};
 
@@ -197,6 +197,7 @@ pub fn builder(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> Re
 fn builder_with(global: &Global, folder: &Path, out: Option<&Path>, options: &Options, plan: Plan) -> Builder {
     let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
     let builder = if global.is_in_batch { builder.on_progress(batch::tell_the_batch) } else { builder };
+    let builder = if global.for_mcp { builder.on_progress(mcp::tell_the_server) } else { builder };
     let builder = match out {
         Some(out) => builder.out(out),
         None => builder,

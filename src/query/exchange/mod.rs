@@ -7,6 +7,7 @@
 
 mod filled;
 mod form;
+pub mod read_back;
 
 use std::collections::BTreeMap;
 use std::fs;
@@ -35,7 +36,7 @@ const FORM: &str = "form.html";
 const FORMAT: u32 = 1;
 
 /// A line of `queries.jsonl`; file names are relative to the folder.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Serialize, Deserialize)]
 struct QuestionLine<'a> {
     query: &'a str,
     sheet: &'a str,
