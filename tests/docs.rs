@@ -10,7 +10,7 @@
 //! | `# needs setup` | runs it; exit code 4 (files missing) is accepted like 0 |
 //! | `# needs answers`, `# needs the runs above` | checks its words and flags against the help, as below |
 //!
-//! Every command is run with `--json` added, and must print JSON.
+//! Every command is run with `--json` added, and must print JSON that `docs/commands.schema.json` describes.
 //!
 //! Commands elsewhere (in running text, in tables, with words in capitals) are checked against the help: the
 //! subcommand must exist and accept every flag.
@@ -30,6 +30,7 @@ use gprop::workdir::DEFAULT_NAME;
 use serde_json::json;
 use tempfile::TempDir;
 
+use crate::commands;
 use crate::run::{QUICK, give_segments, gprop, hammer};
 use crate::support::{models, shared, shared_if_there};
 
@@ -448,7 +449,10 @@ const MORE_WITH_A_RESULT: &[&str] = &[
 fn assert_json(command: &str, output: &Output) {
     let text = String::from_utf8_lossy(&output.stdout);
     let parsed: Result<serde_json::Value, _> = serde_json::from_str(&text);
-    assert!(parsed.is_ok(), "`{command} --json` prints no JSON: {text}{}", String::from_utf8_lossy(&output.stderr));
+    let said = String::from_utf8_lossy(&output.stderr);
+    let value = parsed.unwrap_or_else(|_| panic!("`{command} --json` prints no JSON: {text}{said}"));
+    let words = words(command.strip_prefix("gprop ").unwrap_or(command));
+    assert_eq!(commands::problems(&commands::command_of(&words), &value), [] as [String; 0], "{command}");
 }
 
 #[test]

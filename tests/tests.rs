@@ -60,6 +60,8 @@ mod fuzz;
 mod report;
 // Every command in the README and in docs/.
 mod docs;
+// What every command prints with --json, against the published schemas.
+mod commands;
 // Steps for a new law, format, export or gripper that the compiler does not enforce.
 mod extending;
 // Names, numbers and paths on the command line; a terminal that cannot be written to.

@@ -15,10 +15,11 @@ use crate::query::batch_api;
 use crate::scene::SizedMarker;
 use crate::{audit, batch, export, grasp, inspect, materials, objects, scene, setup};
 
-use super::mcp::McpArgs;
-
 /// More than the cores of any machine on which gprop was run. A thread takes a 2 MB stack and milliseconds to start.
 const MOST_THREADS: usize = 1024;
+
+/// More than anyone lets a program spend on one scene after another.
+const MOST_USD: f64 = 1e6;
 
 /// In the help of the commands that [go on from the last run](super::last_run).
 const GOES_ON: &str = "What was typed for the last run still holds: --preset, and the options that gprop.toml may set.";
@@ -239,6 +240,18 @@ pub struct GraspArgs {
     pub scene: Option<PathBuf>,
     #[command(flatten)]
     pub work: WorkArgs,
+}
+
+#[derive(Debug, Args)]
+pub struct McpArgs {
+    /// Folder that the tools may read and write; may be repeated. Links that lead out of it are not followed [default: the
+    /// current folder]
+    #[arg(long = "root", value_name = "DIR", value_parser = option_values::folder())]
+    pub roots: Vec<PathBuf>,
+    /// Let the tool `run` ask the model that your configuration names, for at most this many US dollars until the server ends
+    /// [default: no model is asked]
+    #[arg(long, value_name = "USD", value_parser = from_to(0.0, MOST_USD))]
+    pub allow_paid: Option<f64>,
 }
 
 #[derive(Debug, Subcommand)]

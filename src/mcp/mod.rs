@@ -6,7 +6,7 @@
 //! 4. [`program`]: a tool's work, done by the program itself as a process of its own, which tells its [`events`].
 //!
 //! The tools come from the command line ([`Tools`]), so they are the program's commands with their options. The official SDK
-//! is not used: `rmcp` 3.11 with its server on stdio alone, without macros, takes CPU_SECONDS seconds of processor time to compile
+//! is not used: `rmcp` 3.11 with its server on stdio alone, without macros, takes about 50 seconds of processor time to compile
 //! beyond what gprop has anyway, mostly for its types of messages that gprop neither sends nor takes; what is needed is this room.
 
 mod events;

@@ -48,11 +48,11 @@ impl Roots {
             common.extend(inside.into_iter().chain(around));
         }
         let mut roots = Vec::new();
-        common.into_iter().for_each(|root| {
+        for root in common {
             if !roots.contains(&root) {
-                roots.push(root)
+                roots.push(root);
             }
-        });
+        }
         Self(roots)
     }
 
@@ -123,7 +123,7 @@ mod tests {
         symlink(&outside, inside.join("link")).unwrap();
         symlink(outside.join("nothing"), inside.join("dangling")).unwrap();
         symlink("scene", inside.join("good")).unwrap();
-        let roots = Roots::of(&[inside.clone()]).unwrap();
+        let roots = Roots::of(std::slice::from_ref(&inside)).unwrap();
         let real = inside.canonicalize().unwrap();
         for (given, to) in
             [("scene", "scene"), ("good", "scene"), (".", ""), ("scene/../new/deep", "new/deep"), ("good/x", "scene/x")]

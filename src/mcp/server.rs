@@ -121,7 +121,7 @@ pub fn serve(
     })
 }
 
-impl<'a> Connection<'a> {
+impl Connection<'_> {
     fn read<'scope>(&'scope self, from: &mut impl BufRead, scope: &'scope Scope<'scope, '_>) -> io::Result<()> {
         loop {
             match protocol::next_line(from)? {

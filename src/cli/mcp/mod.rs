@@ -13,13 +13,10 @@ mod words;
 
 use std::ffi::OsString;
 use std::io;
-use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
-use clap::Args;
 use serde_json::{Map, Value};
 
-use crate::config::option_values::{self, Domain, from_to};
 use crate::error::{ErrorKind, Result, UsageError};
 use crate::exit::Exit;
 use crate::mcp::{self, About, Call, Content, Finished, Outcome, Refused, Roots};
@@ -27,29 +24,15 @@ use crate::pipeline::THREADS;
 use crate::query::exchange::read_back::Origins;
 
 use super::Global;
+use super::arguments::McpArgs;
 use tools::{Kind, Tool};
 use words::Words;
-
-const USD: Domain<f64> = from_to(0.0, 1e6);
 
 /// For the model that uses the tools.
 const INSTRUCTIONS: &str = "gprop gives a 3D Gaussian Splatting scene or a mesh materials, masses and grasps. Start with `inspect`. `run` \
                             needs answers about materials: get the open ones with `questions`, look at each picture, send answers with \
                             `answers` and repeat until none is open; then `run`, `grasp` and `export`. Masses need a scale (the options \
                             `scale` or `known-mass`); give the same options to `questions`, `answers` and `run`. All units are SI.";
-
-/// The arguments of `gprop mcp`.
-#[derive(Debug, Args)]
-pub struct McpArgs {
-    /// Folder that the tools may read and write; may be repeated. Links that lead out of it are not followed [default: the
-    /// current folder]
-    #[arg(long = "root", value_name = "DIR", value_parser = option_values::folder())]
-    pub roots: Vec<PathBuf>,
-    /// Let the tool `run` ask the model that your configuration names, for at most this many US dollars until the server ends
-    /// [default: no model is asked]
-    #[arg(long, value_name = "USD", value_parser = USD)]
-    pub allow_paid: Option<f64>,
-}
 
 /// Serves a client on stdin and stdout.
 pub fn serve(global: &Global, args: &McpArgs) -> Result<()> {
