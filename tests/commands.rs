@@ -54,8 +54,15 @@ pub fn command_of(words: &[String]) -> String {
 const WITHOUT: &[&str] = &["help", "mcp"];
 
 /// Commands that need SAM, a network or data of others; `docs` and the tests of their rooms run them.
-const ELSEWHERE: &[&str] =
-    &["evaluate masks", "evaluate objects", "evaluate prompts", "evaluate simulation", "objects", "setup"];
+const ELSEWHERE: &[&str] = &[
+    "evaluate masks",
+    "evaluate objects",
+    "evaluate parts",
+    "evaluate prompts",
+    "evaluate simulation",
+    "objects",
+    "setup",
+];
 
 /// A command line, with the codes with which it may end.
 type Line = (&'static str, &'static [i32]);
@@ -94,7 +101,6 @@ const LINES: &[Line] = &[
     ("evaluate grasp --outcomes outcomes.csv", &[0]),
     ("evaluate hardness readings.csv", &[0]),
     ("evaluate mass --predictions predictions.json --truth truth.json", &[0]),
-    ("evaluate parts ball-0", &[0]),
     ("evaluate robustness ball-0", &[0]),
     ("evaluate segmentation ball-0 --truth ball-0/ground_truth/maps", &[0]),
     ("materials show oak", &[0]),
@@ -125,7 +131,7 @@ fn place() -> Balls {
         ("outcomes.csv", "object,policy,picked_up,undamaged\nmug,gprop,true,true\n".to_owned()),
         ("predictions.json", json!({ "A_1": [0.5, 1.5], "B_1": [2.0, 4.0] }).to_string()),
         ("truth.json", json!({ "A": 1.1, "B": 2.5 }).to_string()),
-        ("readings.csv", "scene,view,x,y,shore,hardness\nball-0,000,64,64,D,80\n".to_owned()),
+        ("readings.csv", "scene,view,x,y,shore,hardness\nball-0,000,32,24,A,40\n".to_owned()),
     ] {
         fs::write(balls.folder().join(name), text).unwrap();
     }
