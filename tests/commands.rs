@@ -88,6 +88,7 @@ const LINES: &[Line] = &[
     ("answer ball-0", &[0]),
     ("vote ball-0", &[0]),
     ("show ball-0 picture.png", &[0]),
+    ("show ball-0 picture.png --dry-run", &[0]),
     ("parts ball-0", &[0]),
     ("simulate --list", &[0]),
     ("simulate ball-0", &[0]),
