@@ -146,6 +146,12 @@ impl Known {
         Ok(known)
     }
 
+    /// The scenes that failed when they were last run, in whichever shard.
+    pub fn failed(&self) -> BTreeSet<&str> {
+        let has_failed = |outcomes: &[Outcome]| outcomes.iter().all(|outcome| outcome.state == State::Failed);
+        self.outcomes.iter().filter(|(_, outcomes)| has_failed(outcomes)).map(|(scene, _)| scene.as_str()).collect()
+    }
+
     /// Checks that there are outcomes from `folder` and that all are of one division into shards.
     pub fn require_one_division(&self, folder: &Path) -> Result<(), BatchError> {
         match self.divisions.len() {

@@ -38,7 +38,7 @@ use crate::{config, files, workdir};
 
 pub use child::end_with_the_batch;
 pub use error::BatchError;
-pub use ledger::Ledger;
+pub use ledger::{Known, Ledger};
 pub use options::Options;
 pub use outcome::{Outcome, State};
 pub use questions::BatchQuestions;
@@ -48,7 +48,6 @@ pub use shard::Shard;
 pub use status::{Asked, tell_the_batch};
 pub use summary::Summary;
 
-use ledger::Known;
 use memory::Budget;
 use scheduler::{Due, Scheduler};
 
@@ -58,6 +57,11 @@ const FOLDER: &str = "batch";
 /// The options that may name a small file or folder of the user's on which the results depend. Its content is part of a
 /// scene's key; files that other options name count by their path only.
 const CONTENT_COUNTS: [&str; 6] = ["gripper", "labels", "lmm-body", "materials", "prompts", "scenario"];
+
+/// The folder of the files about a batch of the data set in `folder` as a whole, whose work folders are in `out` if given.
+pub fn home(folder: &Path, out: Option<&Path>) -> PathBuf {
+    out.map_or_else(|| folder.join(workdir::DEFAULT_NAME), Path::to_owned).join(FOLDER)
+}
 
 /// A batch with its options.
 #[derive(Debug)]
@@ -183,7 +187,7 @@ impl Batch {
 
     /// The folder of the files about the batch as a whole.
     pub fn home(&self) -> PathBuf {
-        self.out.clone().unwrap_or_else(|| self.folder.join(workdir::DEFAULT_NAME)).join(FOLDER)
+        home(&self.folder, self.out.as_deref())
     }
 
     /// The page of all scenes, which is written once all shards have ended.

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
-use crate::gaussians::bounds::longest_side;
 use serde_json::Value;
 
 use crate::consensus::AskAbout;
@@ -12,7 +11,9 @@ use crate::grasp::GraspReport;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage, stages};
 use crate::query::{Answers, Outcome};
-use crate::report::{claim_line, grasp_line, mass_line, misfit_line, part_lines, size_line};
+use crate::report::{
+    claim_line, grasp_line, mass_line, misfit_line, part_lines, provisional, provisional_line, size_line,
+};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
@@ -42,7 +43,7 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
             let lines =
                 part_lines(&field.labels, parts.as_deref()) + &parts.as_deref().map_or_else(no_scale, mass_line);
             let open = pipeline.opened();
-            let longest_side = longest_side(&open.scene.gaussians);
+            let longest_side = open.scene.longest_side();
             let claimed = open.scene.mesh.as_ref().and_then(|mesh| mesh.painted.mesh.claimed_mass_kg);
             let lines = lines + &parts.as_deref().map_or_else(String::new, |parts| claim_line(claimed, parts));
             lines + &size_line(stages::parts::scale(open)?.as_ref(), longest_side)
@@ -55,9 +56,18 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
         Stage::Simulate => &[Artifact::Animation, Artifact::Simulation],
         other => &[other.row().result],
     };
-    let mut text = misfit + &found;
+    let mut text = misfit + &open_questions(pipeline, stage)? + &found;
     artifacts.iter().for_each(|artifact| text += &format!("{}\n", shown(&pipeline.opened().work.path(*artifact))));
     Ok(text)
+}
+
+/// That masses and what follows from them are provisional, if answers are missing.
+fn open_questions(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
+    if stage < Stage::Parts {
+        return Ok(String::new());
+    }
+    let has_belief = if_metric(pipeline.parts())?.is_some_and(|parts| parts.belief.is_some());
+    Ok(provisional_line(provisional(pipeline.answers()?.as_ref(), has_belief).as_deref()))
 }
 
 /// A result that does not exist if the metric scale is unknown.

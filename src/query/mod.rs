@@ -25,7 +25,7 @@ pub use ask::direct::DirectGuess;
 pub use ask::evidence::{Alternative, ObjectAnswers, PartQuestion};
 pub use ask::follow_up::{Region, Why};
 pub use ask::queries::{Queries, ViewSubjects};
-pub use ask::recognition::Side;
+pub use ask::recognition::{Bare, Side};
 pub use ask::run::{Preview, Run};
 pub use ask::size::Size;
 pub use ask::whole::{AnyWholeQuestion, Purpose, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion};

@@ -26,7 +26,10 @@ pub use disagreement::{Disagreement, NamedMaterial};
 pub use motion::Motion;
 pub use page::{CorrectionsFile, page};
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures, shrink_object};
-pub use summary::{ESTIMATED, claim_line, grasp_line, mass_line, misfit_line, part_lines, size_line, summary};
+pub use provisional::provisional;
+pub use summary::{
+    ESTIMATED, claim_line, grasp_line, mass_line, misfit_line, part_lines, provisional_line, size_line, summary,
+};
 
 /// Version of the format of `report.json`, which `docs/report.schema.json` describes: raised when a key changes its
 /// meaning or is removed.
@@ -49,6 +52,10 @@ pub struct Report {
     pub stages: Vec<StageTime>,
     /// Number of answers by how they were found.
     pub answers: AnswerCounts,
+    /// How much is answered, if a run on the answers so far (`--answers partial`) left questions open; else missing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[cfg_attr(test, schemars(with = "String"))]
+    pub provisional: Option<String>,
     /// Parts about which the answers disagree, which lowers the confidence of their Gaussians; empty with `--ask segments`.
     pub disagreements: Vec<Disagreement>,
     /// `None` if the metric scale is unknown.

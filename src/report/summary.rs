@@ -23,6 +23,7 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
         counted(report.labels.len(), "part"),
     );
     text += &misfit_line(scene.misfit.as_deref());
+    text += &provisional_line(report.provisional.as_deref());
     text += &part_lines(&report.labels, report.parts.as_ref());
     if let Some(parts) = &report.parts {
         text += &mass_line(parts);
@@ -44,6 +45,11 @@ pub fn summary(report: &Report, report_page: &Path) -> String {
 /// That photos and splat disagree, if they do.
 pub fn misfit_line(misfit: Option<&str>) -> String {
     misfit.map_or_else(String::new, |misfit| format!("NOT ALIGNED  {}\n", one_line(misfit)))
+}
+
+/// That questions are open, if some are.
+pub fn provisional_line(provisional: Option<&str>) -> String {
+    provisional.map_or_else(String::new, |open| format!("PROVISIONAL  {open}\n"))
 }
 
 /// A line for each part: its number, material, mass and name.

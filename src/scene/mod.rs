@@ -42,8 +42,8 @@ use cameras::{Registered, dataparser};
 pub use object::support::{Plane, SupportSurface};
 
 pub use crate::gaussians::bounds::Bounds;
-use crate::gaussians::bounds::ellipsoid_bounds;
 pub(crate) use crate::gaussians::bounds::robust_bounds;
+use crate::gaussians::bounds::{ellipsoid_bounds, least_box, longest_side};
 pub use error::{SceneError, SplatProblem};
 pub use object::ObjectSource;
 pub use object::choice::{ObjectChoice, ObjectNumber};
@@ -154,6 +154,21 @@ impl Scene {
         Cow::Owned(scene)
     }
 
+    /// Height of the surface on which the object stands, if it was cut out of what surrounds it.
+    fn floor(&self) -> Option<f64> {
+        self.support.map(|support| support.plane.offset)
+    }
+
+    /// The sides of the least box around the object, the longest first, scene units.
+    pub fn least_box(&self) -> [f64; 3] {
+        least_box(&self.gaussians, self.floor())
+    }
+
+    /// The longest of [`Self::least_box`].
+    pub fn longest_side(&self) -> f64 {
+        longest_side(&self.gaussians, self.floor())
+    }
+
     /// The box that holds the centres of all opaque Gaussians except a few strays.
     pub fn object_bounds(&self) -> Bounds {
         robust_bounds(&self.gaussians)
@@ -217,8 +232,12 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     if let Some(as_read) = &as_read {
         object.set_aside.clone_from(&as_read.set_aside);
     }
+    let support = frame.surface_in_world.filter(|surface| {
+        matches!(separated.source, ObjectSource::Standing | ObjectSource::Cluster) && up::is_level(&surface.plane)
+    });
     let measured = scale::Measured {
         object: &object,
+        floor: support.map(|support| support.plane.offset),
         views: &views,
         data_set: found
             .splat_units_per_camera_unit
@@ -242,9 +261,7 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
         object_source: separated.source,
         up: frame.up,
         up_in_doubt: frame.doubt,
-        support: frame.surface_in_world.filter(|surface| {
-            matches!(separated.source, ObjectSource::Standing | ObjectSource::Cluster) && up::is_level(&surface.plane)
-        }),
+        support,
         as_read,
         views,
         conversion: found.conversion,

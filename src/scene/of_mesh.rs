@@ -47,9 +47,9 @@ pub(super) fn load(path: &Path, options: &Options) -> Result<Scene, SceneError> 
     let up = if stated.is_some() { Up::CONVENTION } else { Up::ASSUMED };
     let painted = PaintedMesh::new(mesh).map_err(in_file)?;
     let sampled = sample(&painted).map_err(in_file)?;
-    let measured = scale::Measured { object: &sampled.gaussians, views: &[], data_set: stated };
+    let measured = scale::Measured { object: &sampled.gaussians, floor: None, views: &[], data_set: stated };
     let (scale, unusual) = options.scale.metric_scale(&measured)?;
-    let longest = longest_side(&sampled.gaussians);
+    let longest = longest_side(&sampled.gaussians, None);
     match &scale {
         Some(scale) => warnings.extend(unusual.map(|warning| {
             let hint = scale::unit::likely(longest, Some(scale.meters_per_unit));

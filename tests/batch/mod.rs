@@ -399,4 +399,17 @@ fn masses_of_a_data_set_are_scored_by_its_weights() {
     );
     let scene = scores(&[balls.scene(0).as_os_str(), "--weights".as_ref(), own.as_os_str()]);
     assert_eq!(scene["ade"], found["ade"]);
+
+    // A scene that fails in a later batch is not scored by what an earlier one found.
+    let splat = balls.scene(0).join("point_cloud.ply");
+    let whole = fs::read(&splat).unwrap();
+    fs::write(&splat, &whole[..whole.len() / 2]).unwrap();
+    let mut run = gprop();
+    run.env_remove("OPENAI_API_KEY").arg("batch").arg(&home).args(["--to", "parts", "--split", "test"]);
+    assert_eq!(run.args(balls.answers()).output().unwrap().status.code(), Some(6));
+    let failed = evaluate(&["--data-set".as_ref(), home.as_os_str()]);
+    assert!(
+        stderr(&failed).contains("failed in the last batch, and not scored: 1 scene (first: ball-0)"),
+        "{failed:?}"
+    );
 }

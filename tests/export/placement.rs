@@ -148,6 +148,42 @@ fn a_urdf_is_one_link_unless_it_is_to_float() {
     }
 }
 
+/// Gazebo's own reader, which turns a URDF into SDF first.
+#[test]
+fn gazebo_reads_one_free_link_with_its_mass_and_frictions() {
+    let test = "gazebo_reads_one_free_link_with_its_mass_and_frictions";
+    let ign = |option: &str, path: &Path| Command::new("ign").args(["sdf", option]).arg(path).output();
+    if ign("--versions", Path::new("")).is_err() {
+        return skipped(test, "no ign; `apt-get install ignition-tools libsdformat-dev` brings it");
+    }
+    let measured = Measured::small();
+    let folder = exported(&super::model(measured), &[Format::Sdf, Format::Urdf]);
+    let frictions = || measured.field.labels.iter().map(|label| label.friction_rubber.mid);
+    let least = frictions().fold(f64::INFINITY, f64::min);
+    for (file, frictions) in [("hammer.sdf", frictions().collect()), ("hammer.urdf", vec![least])] {
+        let path = folder.path().join(file);
+        let checked = ign("--check", &path).unwrap();
+        assert!(String::from_utf8_lossy(&checked.stdout).contains("Valid."), "{checked:?}");
+        let read = String::from_utf8(ign("--print", &path).unwrap().stdout).unwrap();
+        let numbers = |tag: &str| -> Vec<f64> {
+            read.split(&format!("<{tag}>"))
+                .skip(1)
+                .map(|rest| rest.split('<').next().unwrap().parse().unwrap())
+                .collect()
+        };
+        assert_eq!((read.matches("<link ").count(), read.matches("<joint ").count()), (1, 0), "{read}");
+        let mass = measured.parts().object.mass_kg.mid;
+        assert!(numbers("mass").iter().all(|read| (read / mass - 1.0).abs() < 1e-12), "{read}");
+        let has = |friction: f64| numbers("mu").iter().any(|read| (read - friction).abs() < 1e-12);
+        assert!(
+            frictions.iter().all(|friction: &f64| has(*friction))
+                && numbers("mu").iter().all(|mu| *mu >= least - 1e-12),
+            "{read}"
+        );
+        assert!(!read.contains("<static>true") && !read.contains("<static>1"), "{read}");
+    }
+}
+
 #[test]
 fn on_steel_frictions_are_those_of_the_library() {
     let measured = Measured::small();

@@ -187,8 +187,12 @@ fn each_answer_is_recorded_as_it_is_given_and_the_command_ends_with_the_last() {
     let (code, said) = sitting.end();
     assert!(code == Some(0) && said.starts_with("1 of 6 questions answered. Mass so far: "), "{code:?}: {said}");
     assert!(said.contains("`gprop answer ") && said.contains("--answers partial"), "{said}");
-    let report = gprop().arg("run").arg(&scene).args(["--answers", "partial", "--to", "parts"]).output().unwrap();
-    assert_eq!(report.status.code(), Some(0), "{}", String::from_utf8_lossy(&report.stderr));
+    for last in [&["--to", "parts"][..], &["--no-simulate"]] {
+        let report = gprop().arg("run").arg(&scene).args(["--answers", "partial"]).args(last).output().unwrap();
+        assert_eq!(report.status.code(), Some(0), "{}", String::from_utf8_lossy(&report.stderr));
+        let said = String::from_utf8_lossy(&report.stdout);
+        assert!(said.contains("PROVISIONAL  1 of 6 segments is answered;"), "{said}");
+    }
     let record = fs::read_to_string(scene.join("gprop/run.json")).unwrap();
     assert!(record.contains("not answered yet: 5 segments"), "the report says what is open: {record}");
 

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use super::{one_scene_only, scores_text, shown_parts};
+use crate::batch;
 use crate::cli::arguments::Beside;
 use crate::cli::{Global, print};
 use crate::error::{Context, Result, UsageError};
@@ -73,10 +74,16 @@ pub fn evaluate_data_set(
         tell_of_unknown(given, path, &chosen);
     }
     let weight_of = |entry: &Entry| given.as_ref().map_or(entry.mass_kg, |given| given.get(&entry.name).copied());
-    let (mut objects, mut missing, mut known) = (Vec::new(), Vec::new(), 0);
+    let outcomes = batch::Known::read(&batch::home(folder, out))?;
+    let failures = outcomes.failed();
+    let (mut objects, mut missing, mut failed, mut known) = (Vec::new(), Vec::new(), Vec::new(), 0);
     for entry in &chosen {
         let Some(weight_kg) = weight_of(entry) else { continue };
         known += 1;
+        if failures.contains(entry.name.as_str()) {
+            failed.push(entry.name.clone());
+            continue;
+        }
         let work = out.map(|out| out.join(&entry.name));
         match StoredRun::open(&entry.folder, work.as_deref(), &[Stage::Parts]) {
             Ok(stored) => objects.push(masses::from_weight(&entry.name, &stored.path(Artifact::Parts), weight_kg)?),
@@ -84,7 +91,7 @@ pub fn evaluate_data_set(
             Err(error) => return Err(error.into()),
         }
     }
-    if objects.is_empty() {
+    if objects.is_empty() && failed.is_empty() {
         let of_split = split.map(|split| format!(" of the split {split:?}")).unwrap_or_default();
         let states = weights.unwrap_or(folder);
         let problem = match known {
@@ -100,8 +107,22 @@ pub fn evaluate_data_set(
         };
         return Err(UsageError(problem).into());
     }
-    let found = MassEvaluation { missing, ..masses::evaluate(objects)? };
+    if objects.is_empty() {
+        return Err(UsageError(failed_text(&failed)).into());
+    }
+    let found = MassEvaluation { missing, failed, ..masses::evaluate(objects)? };
     print(global, &found, || text(&found))
+}
+
+/// That scenes failed in the last batch; nothing if none did.
+fn failed_text(failed: &[String]) -> String {
+    failed.first().map_or_else(String::new, |first| {
+        format!(
+            "failed in the last batch, and not scored: {} (first: {}); score what was run alone since by naming its folder",
+            counted(failed.len(), "scene"),
+            one_line(first)
+        )
+    })
 }
 
 /// Warns of names in a file of weights that are no scenes: they may be misspelt.
@@ -170,12 +191,13 @@ pub fn text(found: &MassEvaluation) -> String {
             text += &format!("gprop\n{}\nthe direct guess\n{}", all_scores_text(found), all_scores_text(direct));
         }
     }
-    match found.missing.first() {
-        Some(first) => {
-            text + &format!("\nwithout a mass: {} (first: {})", counted(found.missing.len(), "scene"), one_line(first))
-        }
-        None => text,
+    if let Some(first) = found.missing.first() {
+        text += &format!("\nwithout a mass: {} (first: {})", counted(found.missing.len(), "scene"), one_line(first));
     }
+    if !found.failed.is_empty() {
+        text += &format!("\n{}", failed_text(&found.failed));
+    }
+    text
 }
 
 fn all_scores_text(found: &MassEvaluation) -> String {

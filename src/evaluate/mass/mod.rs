@@ -83,6 +83,10 @@ pub struct MassEvaluation {
     /// Scenes of the data set whose weight is known, but which have no mass yet.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub missing: Vec<String>,
+    /// Scenes of the data set whose weight is known, but which failed when a batch last ran them: what an earlier run found is
+    /// not scored.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub failed: Vec<String>,
 }
 
 /// A prediction as numpy reads a row of two: a single number stands for both.
@@ -265,7 +269,15 @@ pub fn evaluate(objects: Vec<Weighed>) -> Result<MassEvaluation, EvaluateError> 
     let coverage = covered as f64 / objects.len() as f64;
     let bounded = objects.iter().map(|object| object.predicted).filter(|mass| mass.low > 0.0);
     let median_width = median(bounded.map(|mass| mass.high / mass.low).collect());
-    Ok(MassEvaluation { scores, coverage, median_width, objects, direct: None, missing: Vec::new() })
+    Ok(MassEvaluation {
+        scores,
+        coverage,
+        median_width,
+        objects,
+        direct: None,
+        missing: Vec::new(),
+        failed: Vec::new(),
+    })
 }
 
 fn read_json<T: DeserializeOwned>(

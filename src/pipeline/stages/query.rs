@@ -9,11 +9,10 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Camera;
 use crate::consensus::{self, AskAbout};
 use crate::error::{Error, Result};
-use crate::gaussians::bounds::least_box;
 use crate::query::ask::hints;
 use crate::query::{
-    AnswerSource, Answers, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion, Preview,
-    Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
+    AnswerSource, Answers, Bare, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion,
+    Preview, Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
 };
 use crate::scene::{ScaleChoice, Scene, View};
 use crate::segment::LabelMap;
@@ -223,6 +222,7 @@ pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'
         recognition,
         direct: Vec::new(),
         outer_size: outer_size(open)?,
+        bare: if open.scene.support.is_some() { Bare::First } else { Bare::No },
         hints: hints(open, options),
     };
     let regions = if whole.recognition.is_empty() { Vec::new() } else { about.regions(open)? };
@@ -264,7 +264,7 @@ fn outer_size(open: &OpenScene) -> Result<Option<String>> {
     const CM_PER_M: f64 = 100.0;
     Ok(scene::scale(open)?.map(|scale| {
         let in_cm = |side| significant(side * scale.meters_per_unit * CM_PER_M);
-        let [a, b, c] = least_box(&open.scene.gaussians).map(in_cm);
+        let [a, b, c] = open.scene.least_box().map(in_cm);
         format!("outer size {a} x {b} x {c} cm")
     }))
 }

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::error::Result;
-use crate::gaussians::bounds::longest_side;
 use crate::parallel;
 use nalgebra::Point3;
 
@@ -111,6 +110,7 @@ pub(crate) fn report(open: &OpenScene, job: &Job) -> Result<Report> {
     let is_in =
         |record: &&StageRecord| record.name < Stage::Report && (job.simulates || record.name != Stage::Simulate);
     let before = job.records.iter().filter(is_in);
+    let parts = parts::metric_parts(open)?.map(Arc::unwrap_or_clone);
     Ok(Report {
         schema_version: report::SCHEMA_VERSION,
         version: env!("CARGO_PKG_VERSION"),
@@ -121,14 +121,15 @@ pub(crate) fn report(open: &OpenScene, job: &Job) -> Result<Report> {
             scale: parts::scale(open)?,
             claimed_mass_kg: scene.mesh.as_ref().and_then(|mesh| mesh.painted.mesh.claimed_mass_kg),
             misfit: scene::misfit(open)?,
-            longest_side: longest_side(&scene.gaussians),
+            longest_side: scene.longest_side(),
             views: open.views.iter().map(|view| view.name.clone()).collect(),
             seen_gaussians: field.views.iter().filter(|&&views| views > 0).count(),
         },
         stages: before.clone().map(stage_time).collect(),
         answers: AnswerCounts::of(&answers),
+        provisional: report::provisional(&answers, parts.as_ref().is_some_and(|parts| parts.belief.is_some())),
         disagreements: Disagreement::all(&answers),
-        parts: parts::metric_parts(open)?.map(Arc::unwrap_or_clone),
+        parts,
         labels: field.labels.clone(),
         gaussians_per_label: gaussians_per_label(&field),
         simulation: job.simulates.then(|| open.get().map(Arc::unwrap_or_clone)).transpose()?,

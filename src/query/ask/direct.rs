@@ -9,7 +9,7 @@ use crate::query::options::Options;
 use crate::query::question::prompt::{PromptError, Prompts};
 use crate::query::question::schema::Schema;
 use crate::query::question::sheet::Sheet;
-use crate::query::question::sheet::sides::Side;
+use crate::query::question::sheet::sides::{Bare, Side};
 use crate::query::question::shown_subject::ShownSubject;
 use crate::query::question::{Question, TOKENS_OF_GUESS};
 use crate::query::recorded::Mask;
@@ -51,7 +51,7 @@ pub fn question(
 ) -> Result<WholeQuestion<DirectGuess>, PromptError> {
     let Side { view, photo, .. } = sides[0];
     let sides: Vec<Side> = sides.iter().map(|side| Side { map: None, ..*side }).collect();
-    let sheet = Sheet::of_sides(&sides, outer_size, options.sheet_size);
+    let sheet = Sheet::of_sides(&sides, outer_size, Bare::No, options.sheet_size);
     let shown = ShownSubject::new(view, WHOLE, photo, Mask::of_foreground(&photo.foreground), &sheet);
     let (file, schema) = prompts.direct_schema();
     let question = Question::new(prompts.direct().to_owned(), Schema::new(file, schema.clone(), &[], &[])?);

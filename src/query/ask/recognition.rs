@@ -8,7 +8,7 @@ use crate::query::options::Options;
 use crate::query::question::prompt::{PromptError, Prompts};
 use crate::query::question::schema::Schema;
 use crate::query::question::sheet::Sheet;
-pub use crate::query::question::sheet::sides::Side;
+pub use crate::query::question::sheet::sides::{Bare, Side};
 use crate::query::question::shown_subject::ShownSubject;
 use crate::query::question::{Question, by_kind};
 use crate::query::recorded::Mask;
@@ -17,6 +17,7 @@ use crate::query::recorded::Mask;
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Told<'a> {
     pub outer_size: Option<&'a str>,
+    pub bare: Bare,
     /// A paragraph for the end of the prompt.
     pub hints: Option<&'a str>,
 }
@@ -43,7 +44,7 @@ pub fn question(
 ) -> Result<WholeQuestion<Recognition>, PromptError> {
     let Side { view, photo, map } = sides[0];
     let mask = map.map_or_else(|| Mask::of_foreground(&photo.foreground), Mask::of_regions);
-    let sheet = Sheet::of_sides(sides, told.outer_size, options.sheet_size);
+    let sheet = Sheet::of_sides(sides, told.outer_size, told.bare, options.sheet_size);
     let shown = ShownSubject { regions: numbers.clone(), ..ShownSubject::new(view, WHOLE, photo, mask, &sheet) };
     let families: Vec<&str> = library.families().iter().map(|family| family.name.as_str()).collect();
     let prompt = prompts.object(&families.join("; "), &by_kind(&library))?;

@@ -25,8 +25,8 @@ use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Form, Imported};
 use crate::query::recorded::Recordings;
 use crate::query::{
-    Answers, AnyWholeQuestion, DirectGuess, ObjectAnswers, Options, Prompts, Purpose, Queries, Recognition, Region,
-    Side, Size, WHOLE, WholeAnswer, WholeQuestion,
+    Answers, AnyWholeQuestion, Bare, DirectGuess, ObjectAnswers, Options, Prompts, Purpose, Queries, Recognition,
+    Region, Side, Size, WHOLE, WholeAnswer, WholeQuestion,
 };
 use crate::scene::Photo;
 use crate::segment::LabelMap;
@@ -82,6 +82,8 @@ pub struct WholeViews {
     pub direct: Vec<usize>,
     /// The outer size of the object in words, if it is known.
     pub outer_size: Option<String>,
+    /// Whether the question about what it is shows photos without lines, too.
+    pub bare: Bare,
     /// What else the question about what it is tells, in words.
     pub hints: Option<String>,
 }
@@ -250,7 +252,7 @@ impl AboutWhole {
             let mut numbers: Vec<u16> = sides.iter().filter_map(|side| side.map).flat_map(LabelMap::ids).collect();
             numbers.sort_unstable();
             numbers.dedup();
-            let told = recognition::Told { outer_size, hints: asked.hints.as_deref() };
+            let told = recognition::Told { outer_size, bare: asked.bare, hints: asked.hints.as_deref() };
             recognition::question(&sides, numbers, told, prompts, library.clone(), options)
         });
         let sides: Vec<Side> = asked.direct.iter().map(side).collect();

@@ -29,7 +29,6 @@ use crate::vote::{Contents, FieldLabel};
 use crate::words::part_name::part_name;
 
 use super::force_scale::force_scale;
-use super::provisional::provisional;
 use super::style;
 use super::summary::bounds_in_words;
 use super::tables;
@@ -68,13 +67,12 @@ pub fn page(
     motion: Option<&Motion>,
     corrections: &CorrectionsFile<'_>,
 ) -> String {
-    let provisional = provisional(answers, report.parts.as_ref().is_some_and(|parts| parts.belief.is_some()));
     let data = context! {
         report => Serde(report),
         counts => counts(report),
         scale => scale(report),
-        tiles => tiles(report, provisional.is_some()),
-        provisional,
+        tiles => tiles(report),
+        provisional => &report.provisional,
         viewer => Serde(viewer::viewer(report, cloud, motion)),
         cloud => Value::from_safe_string(BASE64.encode(&cloud.gzip)),
         motion => motion.map(|motion| Value::from_safe_string(BASE64.encode(&motion.gzip))),
@@ -173,10 +171,10 @@ fn scale(report: &Report) -> String {
     }
 }
 
-fn tiles(report: &Report, is_provisional: bool) -> Vec<Value> {
+fn tiles(report: &Report) -> Vec<Value> {
     let mut tiles = Vec::new();
     let is_estimated = report.parts.as_ref().is_some_and(|parts| parts.estimated_scale.is_some());
-    let doubts = [(is_provisional, "provisional"), (is_estimated, "estimated scale")];
+    let doubts = [(report.provisional.is_some(), "provisional"), (is_estimated, "estimated scale")];
     let doubts: Vec<&str> = doubts.into_iter().filter_map(|(is_so, words)| is_so.then_some(words)).collect();
     let named =
         |name: &str| if doubts.is_empty() { name.to_owned() } else { format!("{name} ({})", doubts.join(", ")) };
@@ -349,7 +347,7 @@ fn reason_of_force(grasp: &GraspReport) -> String {
     }
 }
 
-/// A place to grasp at: forces in N, lengths in mm, torque in N mm.
+/// A place to grasp at: forces in N, lengths in mm.
 fn place_row((rank, place): (usize, &Candidate)) -> Value {
     context! {
         color => css(palette::place(rank)),
@@ -359,14 +357,12 @@ fn place_row((rank, place): (usize, &Candidate)) -> Value {
         part_id => place.part_id,
         numbers => vec![
             significant(place.width_m * 1e3),
-            figures(place.thickness_m, 1e3).mid,
             format!("{:.0}", 100.0 * place.touched_share),
-            significant(place.lever_m * 1e3),
             significant(place.force_n),
             significant(place.f_min_n),
+            significant(place.f_hold_n),
             significant(place.f_max_n),
             significant(place.f_star_n),
-            significant(place.torque_margin_n_m * 1e3),
         ],
         unsafe => place.infeasible_because.map(Reason::in_words),
     }

@@ -17,7 +17,7 @@ use super::{MOST_ERROR, Scene, SceneError, View};
 use crate::config::as_typed::as_typed;
 use crate::config::option_values::with_unit;
 use crate::gaussians::Gaussians;
-use crate::gaussians::bounds::{longest_side, sides};
+use crate::gaussians::bounds::sides;
 use crate::units::{MetricScale, Range, ScaleSource};
 use marker::{FoundMarker, Marker};
 
@@ -53,6 +53,8 @@ pub enum ScaleChoice {
 /// The data that the choices based on a measurement use.
 pub(super) struct Measured<'a> {
     pub object: &'a Gaussians,
+    /// Height of the surface on which the object stands, if it was cut out of what surrounds it.
+    pub floor: Option<f64>,
     pub views: &'a [View],
     /// Metric scale by the data set's own convention.
     pub data_set: Option<MetricScale>,
@@ -80,7 +82,7 @@ impl ScaleChoice {
 
     /// Checks that the object has a possible size at this scale; returns a warning if it is unusual.
     fn check_size(&self, scale: &MetricScale, object: &Gaussians) -> Result<Option<String>, SceneError> {
-        let [x, y, z] = sides(object).map(|side| side.length * scale.meters_per_unit);
+        let [x, y, z] = sides(object, None).map(|side| side.length * scale.meters_per_unit);
         let longest = x.max(y).max(z);
         // An object that is a single point has no size to check.
         if longest == 0.0 {
@@ -147,7 +149,7 @@ impl ScaleChoice {
             }
             Self::BoundingBox { axis, meters } => {
                 let provenance = format!("{} side of the object's box", AXES[*axis]);
-                let side = sides(scene.object)[*axis];
+                let side = sides(scene.object, scene.floor)[*axis];
                 if side.error > MOST_ERROR * side.length {
                     return Err(refused(format!(
                         "the {provenance} is too uncertain: without a few Gaussians at its ends, which may be strays, it would \
@@ -196,7 +198,7 @@ impl Scene {
         longest_side_m: Range,
     ) -> Result<(MetricScale, Option<String>), SceneError> {
         let choice = ScaleChoice::Estimate;
-        let units = longest_side(&self.gaussians);
+        let units = self.longest_side();
         let range = Range::new(longest_side_m.low / units, longest_side_m.high / units);
         if !(range.low.is_normal() && range.high.is_normal()) {
             let problem = "the object has no extent, so its length says nothing about the scale".to_owned();
@@ -372,7 +374,7 @@ mod tests {
             opacity_logits: vec![3.0; COUNT],
             ..Gaussians::default()
         };
-        let scene = Measured { object: &object, views: &[], data_set: None };
+        let scene = Measured { object: &object, floor: None, views: &[], data_set: None };
         let scale = |text: &str| text.parse::<ScaleChoice>().unwrap().metric_scale(&scene);
         let message = scale("bbox:z=0.1").unwrap_err().to_string();
         for words in ["--scale bbox:z=0.1", "z side of the object's box is too uncertain", "measure a longer side"] {

@@ -28,36 +28,63 @@ const NUMBER_SHARE: u32 = 70;
 
 impl Sheet {
     /// The object from one to four sides, in panels A to D, on a sheet of at most `longest_side` pixels per side; above them
-    /// the outer size of the object, if it is known.
-    pub fn of_sides(sides: &[Side], outer_size: Option<&str>, longest_side: u32) -> Self {
-        let areas: Vec<Area> = sides.iter().map(object_area).collect();
+    /// the outer size of the object, if it is known, and, if `bare` asks for it, the first photos without lines and numbers.
+    pub fn of_sides(sides: &[Side], outer_size: Option<&str>, bare: Bare, longest_side: u32) -> Self {
         let (columns, rows) = if sides.len() > 3 { (2, 2) } else { (sides.len() as u32, 1) };
+        let first = if bare == Bare::First { columns } else { 0 };
+        let unmarked = (0..).zip(sides).take(first as usize).map(|(n, side)| Panel::unmarked(n, side));
+        let panels: Vec<Panel> = unmarked.chain((0..).zip(sides).map(|(n, side)| Panel::of(n, side))).collect();
+        let rows = rows + first / columns;
         let label = Style::semibold(LABEL_PX * (longest_side / 700).max(1));
         let head = if outer_size.is_some() { label.height() + GAP } else { 0 };
         let width = (longest_side - GAP * (columns + 1)) / columns;
         let room = (longest_side - head - (GAP + label.height()) * rows - GAP) / rows;
-        let most = areas.iter().map(|area| area.height().saturating_mul(ENLARGED_AT_MOST)).max().unwrap_or(1);
-        let tallest = areas.iter().map(|area| f64::from(width) / area.aspect()).fold(1.0, f64::max);
+        let most = panels.iter().map(|panel| panel.area.height().saturating_mul(ENLARGED_AT_MOST)).max().unwrap_or(1);
+        let tallest = panels.iter().map(|panel| f64::from(width) / panel.area.aspect()).fold(1.0, f64::max);
         let height = room.min(most.max(1)).min(tallest as u32).max(1);
         let size = (columns * (width + GAP) + GAP, head + rows * (height + label.height() + GAP) + GAP);
         let mut picture = RgbImage::from_pixel(size.0, size.1, PAPER);
         if let Some(text) = outer_size {
             label.write(&mut picture, text, (GAP as i32, GAP as i32));
         }
-        for (n, (side, area)) in (0..).zip(sides.iter().zip(areas)) {
+        for (n, panel) in (0..).zip(&panels) {
             let x = GAP + n % columns * (width + GAP);
             let y = head + GAP + n / columns * (height + label.height() + GAP);
-            label.write(&mut picture, &panel_name(n), (x as i32, y as i32));
-            let drawn = drawn(side, area, (width, height), longest_side);
+            label.write(&mut picture, &panel.name, (x as i32, y as i32));
+            let drawn = drawn(&panel.side, panel.area, (width, height), longest_side);
             picture.copy_from(&drawn, x, y + label.height()).expect("the sheet was made for its panels");
         }
         Self { picture }
     }
 }
 
-/// The letter of a panel.
-fn panel_name(n: u32) -> String {
-    char::from(b'A' + n as u8).to_string()
+/// Whether a sheet also shows photos without lines and numbers.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Bare {
+    /// It shows none: the object fills its photos, so lines hide little of it.
+    #[default]
+    No,
+    /// A row of them: of a thing in a room, photos show so few pixels that lines hide the rim or the gloss that tells what
+    /// it is.
+    First,
+}
+
+/// A panel of the sheet.
+struct Panel<'a> {
+    name: String,
+    side: Side<'a>,
+    area: Area,
+}
+
+impl<'a> Panel<'a> {
+    fn of(n: u8, side: &Side<'a>) -> Self {
+        Self { name: char::from(b'A' + n).to_string(), side: *side, area: object_area(side) }
+    }
+
+    fn unmarked(n: u8, side: &Side<'a>) -> Self {
+        let panel = Self::of(n, side);
+        Self { name: format!("{} without lines", panel.name), side: Side { map: None, ..*side }, ..panel }
+    }
 }
 
 /// Everything that is foreground or numbered, with a margin.
@@ -169,13 +196,17 @@ mod tests {
         let map = LabelMap { width: 60, height: 40, labels: (0..40 * 60).map(|i| u16::from(i % 60 > 29)).collect() };
         let side = Side { view: "a", photo: &photo, map: Some(&map) };
         for count in 1..=4 {
-            let plain = Sheet::of_sides(&vec![Side { map: None, ..side }; count], None, 512).picture;
-            let numbered = Sheet::of_sides(&vec![side; count], Some("outer size 6 x 4 x 4 cm"), 512).picture;
-            for sheet in [&plain, &numbered] {
+            let plain = Sheet::of_sides(&vec![Side { map: None, ..side }; count], None, Bare::No, 512).picture;
+            let size = Some("outer size 6 x 4 x 4 cm");
+            let numbered = Sheet::of_sides(&vec![side; count], size, Bare::No, 512).picture;
+            let with_bare = Sheet::of_sides(&vec![side; count], size, Bare::First, 512).picture;
+            assert!(with_bare.height() > numbered.height());
+            for sheet in [&plain, &numbered, &with_bare] {
                 assert!(sheet.width() <= 512 && sheet.height() <= 512, "{:?}", sheet.dimensions());
             }
             let inked = |sheet: &RgbImage| sheet.pixels().filter(|pixel| **pixel == NUMBER).count();
             assert_eq!(inked(&plain), 0);
+            assert_eq!(inked(&with_bare), inked(&numbered), "none in the panels without lines");
             assert!(inked(&numbered) >= 2 * count, "one number in each panel: {}", inked(&numbered));
         }
     }
