@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypedDict
 Path = str | os.PathLike[str]
 
 #: Of the files in a work folder.
-FORMAT_VERSION = 11
+FORMAT_VERSION = 12
 
 
 class Options(TypedDict, total=False):
