@@ -317,10 +317,11 @@ def verify(options, folder):
     export = tempfile.mkdtemp()
     try:
         written = json.loads(gprop(options.gprop, "export", folder, "--work", work, "--format", "mjcf", "--out", export, "--json"))
-        body = os.path.splitext(os.path.basename(written[0]))[0]
+        model_file = written["files"][0]["path"]
+        body = os.path.splitext(os.path.basename(model_file))[0]
         places = []
         for number, grasp in enumerate(report["candidates"]):
-            truth = judged_truth(folder, work, grasp, written[0])
+            truth = judged_truth(folder, work, grasp, model_file)
             model, middle = scene(export, body, grasp, gripper, truth, options.touch)
             forces = {
                 "force": grasp["force_n"],

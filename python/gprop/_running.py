@@ -97,8 +97,8 @@ def export(
     """
     flags = _flags("export", ExportOptions, options)
     out_flag = f"--out={os.fspath(out)}"
-    files = _program(["export", "--json", out_flag, *flags, "--", os.fspath(scene)], progress)
-    return [pathlib.Path(file) for file in files]
+    written = _program(["export", "--json", out_flag, *flags, "--", os.fspath(scene)], progress)
+    return [pathlib.Path(file["path"]) for file in written["files"]]
 
 
 @_takes(AuditOptions)

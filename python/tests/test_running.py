@@ -49,7 +49,7 @@ class StandIn(unittest.TestCase):
 
     def arguments_of(self, call):
         """The arguments that the program gets, one a line."""
-        self.write_program(f'printf "%s\\n" "$@" > {self.folder}/arguments; echo "[]"')
+        self.write_program(f'printf "%s\\n" "$@" > {self.folder}/arguments; echo \'{{"files": []}}\'')
         call()
         return (self.folder / "arguments").read_text().splitlines()
 

@@ -2,10 +2,10 @@
 
 use std::ffi::OsString;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-use clap::builder::PossibleValue;
-use clap::{Args, Parser, Subcommand};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::config::option_values::{self, from_to};
 use crate::evaluate::vocabulary::Vocabulary;
@@ -276,11 +276,15 @@ pub enum Grasp {
 #[command(after_help = GOES_ON)]
 pub struct ExportArgs {
     /// Folder with a splat, cameras and photos, a mesh, or a URDF or MJCF; stages that have not run yet are run first.
-    pub scene: PathBuf,
-    /// Formats to write, separated by commas; required for a splat. A mesh is written as `asset` without it; a URDF or MJCF is
-    /// always written as it is, with masses, inertias and frictions filled in.
-    #[arg(long, value_enum, value_delimiter = ',')]
-    pub format: Vec<export::Format>,
+    #[arg(required_unless_present = "list")]
+    scene: Option<PathBuf>,
+    /// Formats to write, separated by commas, or `all` in which the scene can be written; required for a splat. A mesh is written as
+    /// `asset` without it; a URDF or MJCF is always written as it is, with masses, inertias and frictions filled in.
+    #[arg(long, value_parser = format_choice(), value_delimiter = ',')]
+    pub format: Vec<FormatChoice>,
+    /// List the formats, what each is for and which programs read it; needs no scene.
+    #[arg(long)]
+    pub list: bool,
     /// Colliders of the format `asset`.
     #[arg(long, value_enum, default_value_t)]
     pub colliders: export::Colliders,
@@ -300,13 +304,40 @@ pub struct ExportArgs {
     #[arg(long, value_enum, default_value_t)]
     pub friction: export::Counterface,
     /// Folder to write into.
-    #[arg(long, value_name = "DIR")]
-    pub out: PathBuf,
+    #[arg(long, value_name = "DIR", required_unless_present = "list")]
+    out: Option<PathBuf>,
     /// Work folder [default: SCENE/gprop]
     #[arg(long, value_name = "DIR")]
     pub work: Option<PathBuf>,
     #[command(flatten)]
     pub options: pipeline::Options,
+}
+
+impl ExportArgs {
+    /// Empty with `--list`.
+    pub fn scene(&self) -> &Path {
+        self.scene.as_deref().unwrap_or(Path::new(""))
+    }
+
+    /// Empty with `--list`.
+    pub fn out(&self) -> &Path {
+        self.out.as_deref().unwrap_or(Path::new(""))
+    }
+}
+
+/// A format, or all that are possible.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FormatChoice {
+    All,
+    One(export::Format),
+}
+
+fn format_choice() -> impl TypedValueParser<Value = FormatChoice> {
+    let formats = export::Format::value_variants().iter().filter_map(ValueEnum::to_possible_value);
+    let all =
+        PossibleValue::new("all").help("All in which the scene can be written; the others are listed with why not");
+    PossibleValuesParser::new(formats.chain([all]))
+        .map(|name| export::Format::from_str(&name, false).map_or(FormatChoice::All, FormatChoice::One))
 }
 
 #[derive(Debug, Args)]

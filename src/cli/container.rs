@@ -1,13 +1,13 @@
 //! `gprop run` and `gprop export` of a robot or a scene of a simulator: its links, one after the other.
 
 use crate::batch::{Summary, Task};
-use crate::config;
 use crate::error::{Result, UsageError};
+use crate::export::File;
 use crate::links::Prepared;
 use crate::pipeline::{Options, Stage};
 
 use super::arguments::{ForPython, RunArgs};
-use super::{ExportArgs, Global, batch, print, print_works, scene, shown};
+use super::{ExportArgs, Global, batch, print, print_works, scene};
 
 /// Runs the links of a URDF or MJCF, and prints their masses beside those that the file claims.
 pub fn run(global: &Global, args: &RunArgs) -> Result<()> {
@@ -48,14 +48,14 @@ pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
                        by itself from the folder links/ of the work folder";
         return Err(UsageError(problem.to_owned()).into());
     }
-    let prepared = Prepared::of(&args.scene, args.work.as_deref(), &args.options.scene)?;
+    let prepared = Prepared::of(args.scene(), args.work.as_deref(), &args.options.scene)?;
     let (flags, max_usd) = (global.flags.typed.clone(), args.options.query.max_usd);
     let task = Task { to: Stage::Parts, from: None, flags, max_usd, threads: global.threads };
     run_links(global, &prepared, &args.options, task)?.require_all()?;
-    let written = prepared.export(&prepared.gather()?, &args.out)?;
+    let written = prepared.export(&prepared.gather()?, args.out())?;
     written.warnings.iter().for_each(|warning| tracing::warn!("{warning}"));
-    let paths: Vec<_> = written.files.iter().map(|file| config::in_json(file)).collect();
-    print(global, &paths, || written.files.iter().map(|file| shown(file) + "\n").collect())
+    let files: Vec<_> = written.files.into_iter().map(File::of).collect();
+    scene::print_written(global, &files, &[])
 }
 
 fn run_links(global: &Global, prepared: &Prepared, options: &Options, task: Task) -> Result<Summary> {

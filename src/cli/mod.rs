@@ -40,7 +40,7 @@ use crate::scene::ObjectChoice;
 use crate::scene::mesh::is_mesh;
 use crate::words::output;
 use crate::words::progress::Progress;
-use crate::{audit, config, exit, inspect};
+use crate::{audit, config, exit, export, inspect};
 use arguments::{
     AnswerArgs, BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs,
     ReportArgs, Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
@@ -104,7 +104,11 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Command::Grasp(GraspArgs { what: Some(what), .. }) => tools::grasp(global, what),
         Command::Grasp(GraspArgs { scene: Some(folder), work, .. }) => scene::run(global, folder, work, Stage::Grasp),
         Command::Grasp(_) => unreachable!("clap asks for a scene if there is no subcommand"),
-        Command::Export(args) if is_container(&args.scene) => container::export(global, args),
+        Command::Export(args) if args.list => {
+            let formats = export::list();
+            print(global, &formats, || export::text(&formats))
+        }
+        Command::Export(args) if is_container(args.scene()) => container::export(global, args),
         Command::Export(args) if args.options.scene.object == ObjectChoice::All => objects::export_all(global, args),
         Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => {

@@ -2,12 +2,12 @@
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::config;
 use crate::error::{Context, Error, ErrorKind, Result, UsageError};
 use crate::exit;
-use crate::export::{Body, ExportError, Format, Origin, Table, compose};
+use crate::export::{self, Body, ExportError, Exported, Origin, Table, compose};
 use crate::objects::{self, Objects, SomeFailed};
 use crate::parts::MassReading;
 use crate::pipeline::{OBJECT, Options, Stage, corrections_file, work_folder_of};
@@ -16,7 +16,7 @@ use crate::words::output::counted;
 use crate::workdir::{Artifact, WorkDir};
 
 use super::arguments::ForPython;
-use super::scene::Exported;
+use super::scene::OfScene;
 use super::{ExportArgs, Global, WorkArgs, print, print_works, scene, shown};
 
 /// The stages of a run.
@@ -229,35 +229,40 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
         let why = "--origin and --at are for one object: a scene of all objects keeps the places that they have in the capture";
         return Err(UsageError(why.to_owned()).into());
     }
-    let found = StandingObjects::find(&args.scene, &args.options.scene)?;
+    let found = StandingObjects::find(args.scene(), &args.options.scene)?;
     found.require_any()?;
-    refuse_options_of_one_object(&args.scene, &args.options, found.count)?;
+    refuse_options_of_one_object(args.scene(), &args.options, found.count)?;
     let mut objects = BTreeMap::new();
     for number in in_order(&args.options, found.count) {
-        let options = args.options.clone().of_object(&args.scene, number)?;
+        let options = args.options.clone().of_object(args.scene(), number)?;
         let own = for_object(global, number);
         let exported = scene::export_one(&own, args, &options).with_context(|| number.to_string())?;
         objects.insert(number, exported);
     }
-    let mut objects: Vec<Exported> = objects.into_values().collect();
-    let composed = compose_all(&found, &mut objects, formats, &args.out)?;
-    let mut files = composed.clone();
-    // Those that took the place of a file of a single object are listed once.
-    files.extend(objects.into_iter().flat_map(|object| object.files).filter(|file| !composed.contains(file)));
-    scene::print_files(global, &files)
+    let objects: Vec<OfScene> = objects.into_values().collect();
+    let inputs = objects.first().map_or_else(Vec::new, |object| object.inputs.clone());
+    let mut exported = compose_all(&found, objects, formats.is_none(), args.out())?;
+    export::write_summary(&mut exported, &inputs, args.out())?;
+    scene::print_exported(global, &exported)
 }
 
-/// Writes the scene of all objects, and returns its files.
-fn compose_all(
-    found: &StandingObjects,
-    objects: &mut [Exported],
-    formats: &[Format],
-    out: &Path,
-) -> Result<Vec<PathBuf>> {
+/// Writes the scene of all objects, and returns its files before those of the objects.
+fn compose_all(found: &StandingObjects, mut objects: Vec<OfScene>, leaves_out: bool, out: &Path) -> Result<Exported> {
     let names: Vec<String> = objects.iter().map(|object| object.name.clone()).collect();
-    let bodies: Vec<Body> = objects.iter_mut().filter_map(|object| object.body.take()).collect();
-    if bodies.len() < objects.len() && formats.iter().any(|format| format.has_bodies()) {
-        return Err(ExportError::NoMass.into());
+    let bodies: Vec<Body> = objects.iter_mut().filter_map(|object| object.exported.body.take()).collect();
+    let scale = objects.first().and_then(|object| object.scale.clone());
+    let inputs = objects.first().map_or_else(Vec::new, |object| object.inputs.clone());
+    let all = objects.into_iter().map(|object| object.exported).reduce(|mut all, next| {
+        all.add(next);
+        all
+    });
+    let mut all = all.expect("there is an object");
+    let mut formats = all.formats.clone();
+    if bodies.len() < names.len() && formats.iter().any(|format| format.has_bodies()) {
+        if !leaves_out {
+            return Err(ExportError::NoMass.into());
+        }
+        formats.retain(|format| !format.has_bodies());
     }
     let turn = found.up.world_from_input();
     let table = Table {
@@ -265,11 +270,12 @@ fn compose_all(
         objects: &names,
         bodies: &bodies,
         world_from_input: turn,
-        scale: objects.first().and_then(|object| object.scale.as_ref()),
+        scale: scale.as_ref(),
         support: Plane { normal: turn * found.support.normal, ..found.support },
         surroundings: &found.surroundings(),
         surroundings_as_read: &found.surroundings_as_read(),
-        inputs: objects.first().map_or(&[], |object| object.inputs.as_slice()),
+        inputs: &inputs,
     };
-    Ok(compose(&table, formats, out)?)
+    all.lead(compose(&table, &formats, out)?);
+    Ok(all)
 }

@@ -35,7 +35,7 @@ const RESERVED: &[&str] = &["from"];
 
 /// Flags that Python's functions set themselves, have as parameters of their own, or have no use for.
 const NOT_OPTIONS: &[&str] =
-    &["json", "quiet", "verbose", "help", "help-all", "dry-run", "end-with-stdin", "for-mcp", "for-python"];
+    &["json", "quiet", "verbose", "help", "help-all", "dry-run", "end-with-stdin", "for-mcp", "for-python", "list"];
 
 /// A class whose fields are options.
 struct Class<'a> {

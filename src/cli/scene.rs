@@ -1,5 +1,6 @@
 //! The commands that work on a scene.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use clap::ValueEnum;
@@ -8,7 +9,7 @@ use serde_json::Value;
 
 use crate::consensus::AskAbout;
 use crate::error::{Result, UsageError};
-use crate::export::{self, Body, Format};
+use crate::export::{self, Exported, Format, Formats, LeftOut};
 use crate::files::write;
 use crate::film;
 use crate::pipeline::export::ExportOptions;
@@ -16,10 +17,11 @@ use crate::pipeline::{self, Builder, CommandLine, Options, Pipeline, Plan, Stage
 use crate::query::Preview;
 use crate::report;
 use crate::units::MetricScale;
-use crate::words::shell;
+use crate::words::{readable, shell};
 use crate::workdir::Artifact;
 use crate::{batch, config, mcp};
 
+use super::arguments::FormatChoice;
 use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_path, print_text, shown};
 
 /// What a run would do.
@@ -123,34 +125,35 @@ pub fn show(global: &Global, args: &ShowArgs) -> Result<()> {
 
 /// Exports the parts, after running the stages up to them.
 pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
-    print_files(global, &export_one(global, args, &args.options)?.files)
+    let OfScene { mut exported, inputs, .. } = export_one(global, args, &args.options)?;
+    export::write_summary(&mut exported, &inputs, args.out())?;
+    print_exported(global, &exported)
 }
 
-/// The formats to write: the asset itself for a mesh, if none is named.
+/// The formats to write, all that are possible if `None`: the asset itself for a mesh, if none is named.
 ///
 /// # Errors
 /// If none is named for a scene.
-pub fn formats(args: &ExportArgs) -> Result<&[Format], UsageError> {
+pub fn formats(args: &ExportArgs) -> Result<Option<Vec<Format>>, UsageError> {
+    let one = |choice: &FormatChoice| match choice {
+        FormatChoice::All => None,
+        FormatChoice::One(format) => Some(*format),
+    };
     match args.format.as_slice() {
-        [] if args.scene.is_file() => return Ok(&[Format::Asset]),
+        [] if args.scene().is_file() => return Ok(Some(vec![Format::Asset])),
         [] => {}
-        given => return Ok(given),
+        given => return Ok(given.iter().map(one).collect()),
     }
-    let formats: Vec<String> = Format::value_variants()
-        .iter()
-        .filter(|format| !format.needs_mesh())
-        .filter_map(Format::to_possible_value)
-        .map(|f| f.get_name().to_owned())
-        .collect();
-    Err(UsageError(format!("--format is missing: name one or more of {}", formats.join(", "))))
+    let formats: Vec<String> =
+        Format::value_variants().iter().filter(|format| !format.needs_mesh()).map(|format| format.name()).collect();
+    Err(UsageError(format!("--format is missing: name `all` or one or more of {}", formats.join(", "))))
 }
 
 /// An object that was exported.
-pub struct Exported {
+pub struct OfScene {
     /// The name of the scene, by which its files are called.
     pub name: String,
-    pub files: Vec<PathBuf>,
-    pub body: Option<Body>,
+    pub exported: Exported,
     /// `None` if it is unknown.
     pub scale: Option<MetricScale>,
     /// The files that the scene was read from.
@@ -158,13 +161,13 @@ pub struct Exported {
 }
 
 /// Exports one object with these options.
-pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Result<Exported> {
+pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Result<OfScene> {
     let formats = formats(args)?;
     let plan = Plan::to(Stage::Parts);
-    let mut pipeline = builder_with(global, &args.scene, args.work.as_deref(), options, plan).open()?;
+    let mut pipeline = builder_with(global, args.scene(), args.work.as_deref(), options, plan).open()?;
     pipeline.run()?;
     let wanted = ExportOptions {
-        formats,
+        formats: formats.as_deref().map_or(Formats::Possible, Formats::Each),
         colliders: args.colliders,
         samples: args.samples as usize,
         origin: args.origin,
@@ -172,16 +175,47 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
         floating: args.floating,
         friction: args.friction,
     };
-    let export::Exported { files, body } = pipeline::export::export(&mut pipeline, &wanted, &args.out)?;
+    let exported = pipeline::export::export(&mut pipeline, &wanted, args.out())?;
     let open = pipeline.opened();
     let scale = stages::parts::scale(open)?;
-    Ok(Exported { name: open.scene.name.clone(), files, body, scale, inputs: open.scene.files.clone() })
+    Ok(OfScene { name: open.scene.name.clone(), exported, scale, inputs: open.scene.files.clone() })
 }
 
-/// Prints the paths of files that were written.
-pub fn print_files(global: &Global, files: &[PathBuf]) -> Result<()> {
-    let paths: Vec<_> = files.iter().map(|file| config::in_json(file)).collect();
-    print(global, &paths, || files.iter().map(|file| shown(file) + "\n").collect())
+/// A file that was written, for programs.
+#[derive(Serialize)]
+struct WrittenFile<'a> {
+    path: Cow<'a, str>,
+    bytes: u64,
+    formats: Vec<String>,
+}
+
+impl<'a> WrittenFile<'a> {
+    fn of(file: &'a export::File) -> Self {
+        let formats = file.formats.iter().map(|format| format.name()).collect();
+        Self { path: config::in_json(&file.path), bytes: file.bytes, formats }
+    }
+}
+
+/// What an export wrote, for programs.
+#[derive(Serialize)]
+struct Written<'a> {
+    files: Vec<WrittenFile<'a>>,
+    left_out: &'a [LeftOut],
+}
+
+/// Prints the files of an export with their sizes, and the formats that were left out.
+pub fn print_exported(global: &Global, exported: &Exported) -> Result<()> {
+    print_written(global, &exported.files, &exported.left_out)
+}
+
+/// As [`print_exported`].
+pub fn print_written(global: &Global, files: &[export::File], left_out: &[LeftOut]) -> Result<()> {
+    let written = Written { files: files.iter().map(WrittenFile::of).collect(), left_out };
+    print(global, &written, || {
+        let files = files.iter().map(|file| format!("{:>9}  {}\n", readable::bytes(file.bytes), shown(&file.path)));
+        let left_out = left_out.iter().map(|left| format!("left out  {}: {}\n", left.format.name(), left.why));
+        files.chain(left_out).collect()
+    })
 }
 
 /// Opens a scene to do the stages up to one, with or without the simulation.

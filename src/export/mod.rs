@@ -8,13 +8,14 @@
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks;
 //! - [`mod@asset`]: the mesh from which the scene was made, once more, with its physics, and tables of its faces and vertices.
 //!
-//! [`table`] composes the files of several objects of a capture into one scene.
+//! [`mod@format`] lists the formats, [`summary`] is the file that says what was written, and [`table`] composes the files of several objects of a capture into one scene.
 //!
 //! Everything rigid is in metres, in the world's frame, z up; the asset of a scene that was turned for that stands on z = 0, and
 //! every file says how it lies in the scene's own ([`placement`]). Gaussians that were set aside are left out.
 
 mod asset;
 mod belief;
+mod format;
 mod glb;
 pub(crate) mod gltf;
 mod gltf_splat;
@@ -26,6 +27,7 @@ mod placement;
 mod ply_parts;
 mod sdf;
 mod shape;
+mod summary;
 mod table;
 mod urdf;
 mod usd;
@@ -35,6 +37,7 @@ use std::cell::OnceCell;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use clap::ValueEnum;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -48,63 +51,17 @@ use crate::materials::MaterialLibrary;
 use crate::parts::samples::Sample;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::scene::SupportSurface;
-use crate::units::{MetricScale, ScaleSource};
+use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 pub use asset::{Asset, Colliders, below};
+pub use format::{Format, Frame, Listed, list, text};
 pub use placement::Origin;
 use placement::{Axes, Placement};
 use shape::{Collider, PartMesh, Shape, Skin};
+pub use summary::{LeftOut, write_summary};
+use summary::{ObjectSummary, Provenance};
 use table::BodyCollider;
 pub use table::{Body, Table, compose};
-
-/// A format to write.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
-#[serde(rename_all = "snake_case")]
-pub enum Format {
-    /// MuJoCo: a free body with mass, inertia, visual mesh, convex geoms, friction; a scene with a floor
-    Mjcf,
-    /// Robot description: one link, visual mesh, convex meshes, friction
-    Urdf,
-    /// SDFormat, for Gazebo: a model of one link, visual mesh, convex meshes, friction of each part
-    Sdf,
-    /// NumPy: per-Gaussian and per-part arrays
-    Npz,
-    /// Samples of mass, centre, inertia, materials and frictions, to randomise a simulation over what is not known
-    Belief,
-    /// PhysGaussian: configuration and a PLY with per-particle properties
-    Physgaussian,
-    /// USD as text: rigid body, visual mesh, colliders, materials, Gaussians, places to grasp at
-    Usda,
-    /// The same as `usda`, as one package
-    Usdz,
-    /// glTF: a mesh for each part with its properties; a second file with the convex colliders
-    Glb,
-    /// glTF with the Gaussians (`KHR_gaussian_splatting`)
-    GltfSplat,
-    /// A 3DGS PLY for each part
-    PlyParts,
-    /// The mesh file itself, with physics filled in (glTF), or with URDF, MJCF and JSON beside it (OBJ, STL, PLY)
-    Asset,
-    /// Tables of a mesh's faces and vertices with part, material and properties
-    Csv,
-}
-
-impl Format {
-    /// Whether its files name places to grasp at.
-    pub fn has_grasps(self) -> bool {
-        matches!(self, Self::Usda | Self::Usdz)
-    }
-
-    /// Whether the scene of several objects in this format has them as [bodies](Body).
-    pub fn has_bodies(self) -> bool {
-        matches!(self, Self::Mjcf | Self::Urdf | Self::Sdf | Self::Usda | Self::Usdz | Self::Glb)
-    }
-
-    /// Whether only a scene that was made of a mesh has it.
-    pub fn needs_mesh(self) -> bool {
-        matches!(self, Self::Asset | Self::Csv)
-    }
-}
 
 /// The surface with which the exported frictions are.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
@@ -148,6 +105,8 @@ pub struct Model<'a> {
     pub floating: bool,
     /// Name of the file that holds the splat.
     pub source: &'a str,
+    /// The models or persons with recorded answers.
+    pub answered_by: &'a [String],
     /// The files that the scene was read from, which no export replaces.
     pub inputs: &'a [PathBuf],
     /// The mesh that the scene was made of.
@@ -214,6 +173,10 @@ pub enum ExportError {
         "the library of materials has no {material:?}, so its friction on steel is unknown; give the --materials of the run"
     )]
     NoFriction { material: String },
+    #[error(
+        "its URDF and MJCF stay where the mesh is, and would replace those with --origin or --at; export it by itself into another folder"
+    )]
+    InPlace,
     #[error("{path:?} has changed since it was read; run again")]
     Changed { path: PathBuf },
     #[error("{path:?} lies outside of the folder of the mesh that uses it; copy it there, and name it there")]
@@ -224,6 +187,32 @@ pub enum ExportError {
     Write { path: PathBuf, source: io::Error },
 }
 
+/// The formats to write.
+#[derive(Debug, Clone, Copy)]
+pub enum Formats<'a> {
+    /// Each of these; it is an error if the object cannot be written in one.
+    Each(&'a [Format]),
+    /// All in which the object can be written.
+    Possible,
+}
+
+impl Formats<'_> {
+    /// Whether one that is like this may be written.
+    pub fn may_be(self, is_like: impl Fn(Format) -> bool) -> bool {
+        match self {
+            Self::Each(formats) => formats.iter().any(|format| is_like(*format)),
+            Self::Possible => true,
+        }
+    }
+}
+
+impl ExportError {
+    /// Whether it is about the mesh that is to be written again: found out only when it is read once more.
+    fn is_of_mesh(&self) -> bool {
+        matches!(self, Self::Bodies { .. } | Self::Changed { .. } | Self::NotBeside { .. })
+    }
+}
+
 /// Writes the model into `folder` in each of the formats and returns the files, the main one of each format first.
 /// Values that several formats need are computed once. Each file is written completely or not at all. The files of another
 /// object in `folder` stay as they are, except for MJCF's `scene.xml`, if the two names differ in more than punctuation.
@@ -232,23 +221,64 @@ pub enum ExportError {
 /// If a format needs the scale, a mass or a closed surface and there is none; if a file would replace the splat or a
 /// camera file of the scene, or cannot be written.
 pub fn export(model: &Model, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
-    export_body(model, formats, folder).map(|exported| exported.files)
+    let exported = export_body(model, Formats::Each(formats), folder)?;
+    Ok(exported.files.into_iter().map(|file| file.path).collect())
 }
 
-/// An object that was exported.
+/// A file of an export.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct File {
+    pub path: PathBuf,
+    pub bytes: u64,
+    /// Those that it belongs to.
+    pub formats: Vec<Format>,
+}
+
+impl File {
+    /// A file that was just written and belongs to no format.
+    pub fn of(path: PathBuf) -> Self {
+        Self { bytes: path.metadata().map_or(0, |file| file.len()), path, formats: Vec::new() }
+    }
+}
+
+/// What was exported.
 #[derive(Debug)]
 pub struct Exported {
     /// The main one of each format first.
-    pub files: Vec<PathBuf>,
+    pub files: Vec<File>,
+    /// The formats that were written.
+    pub formats: Vec<Format>,
+    pub left_out: Vec<LeftOut>,
     /// For a scene of several objects, if a format [has bodies](Format::has_bodies) and the object is rigid.
     pub body: Option<Body>,
+    objects: Vec<ObjectSummary>,
+    provenance: Provenance,
 }
 
-/// As [`export`]; also returns what [`compose`] needs to know of the object.
+impl Exported {
+    /// Adds another object of the same capture. A format counts as written if both were written in it.
+    pub fn add(&mut self, other: Self) {
+        let is_new = |file: &File| !self.files.iter().any(|known| known.path == file.path);
+        let files: Vec<File> = other.files.into_iter().filter(is_new).collect();
+        self.files.extend(files);
+        self.objects.extend(other.objects);
+        let left_out = other.left_out.into_iter().filter(|left| self.formats.contains(&left.format));
+        self.left_out.extend(left_out);
+        self.formats.retain(|format| other.formats.contains(format));
+    }
+
+    /// Puts the files of a scene of several objects before theirs.
+    pub fn lead(&mut self, composed: Vec<File>) {
+        self.files.retain(|file| !composed.iter().any(|other| other.path == file.path));
+        self.files.splice(0..0, composed);
+    }
+}
+
+/// As [`export`]; also returns what [`compose`] and the [summary](write_summary) need to know of the object.
 ///
 /// # Errors
 /// As [`export`].
-pub fn export_body(model: &Model, formats: &[Format], folder: &Path) -> Result<Exported, ExportError> {
+pub fn export_body(model: &Model, formats: Formats, folder: &Path) -> Result<Exported, ExportError> {
     let own = without_set_aside(model);
     let model = &match &own {
         Some(own) => Model { gaussians: &own.gaussians, as_read: &own.as_read, field: &own.field, ..*model },
@@ -263,44 +293,84 @@ pub fn export_body(model: &Model, formats: &[Format], folder: &Path) -> Result<E
     // A mesh that is written again stays where it is.
     let in_place = Model { origin: Origin::Input, at: Vector3::zeros(), ..*model };
     let in_place = Shared::of(&in_place);
-    // What the object lacks for a format is found out before a file is written.
-    for format in formats {
-        match format {
-            Format::Mjcf | Format::Urdf | Format::Sdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
-            Format::Glb => drop(shared.part_meshes()?),
-            Format::Asset => {
-                model.asset.ok_or(ExportError::NotAMesh)?;
-                shared.parts()?;
-            }
-            Format::Csv => drop(model.asset.ok_or(ExportError::NotAMesh)?),
-            Format::Belief => drop(shared.parts()?),
-            Format::GltfSplat => drop(shared.placement()?),
-            Format::PlyParts | Format::Npz | Format::Physgaussian => {}
-        }
-    }
+    let leaves_out = matches!(formats, Formats::Possible);
+    let (mut formats, mut left_out) = possible(&shared, formats)?;
     let inputs = model.inputs.iter().filter_map(|path| path.canonicalize().ok()).collect();
-    let mut files = Files { folder, inputs, written: Vec::new() };
-    for format in formats {
-        match format {
-            Format::Mjcf => mjcf::write(&shared.rigid()?, &mut files)?,
-            Format::Urdf => urdf::write(&shared.rigid()?, &mut files)?,
-            Format::Sdf => sdf::write(&shared, &mut files)?,
-            Format::Usda => usd::write_usda(model, &shared.rigid()?, &mut files)?,
-            Format::Usdz => usd::write_usdz(model, &shared.rigid()?, &mut files)?,
-            Format::Glb => glb::write(model, &shared.meshes()?, &mut files)?,
-            Format::GltfSplat => gltf_splat::write(model, &shared.placement()?, &mut files)?,
-            Format::PlyParts => ply_parts::write(model, &mut files)?,
-            Format::Npz => npz::write(model, &mut files)?,
-            Format::Belief => {
-                belief::write(model.name, model.samples, &shared.placement()?, model.note_on_scale(), &mut files)?;
+    let mut files = Files::new(folder, inputs);
+    for format in formats.clone() {
+        files.format = Some(format);
+        match write(format, &shared, &in_place, &mut files) {
+            Err(error) if leaves_out && error.is_of_mesh() => {
+                formats.retain(|other| *other != format);
+                left_out.push(LeftOut { format, why: error.to_string() });
             }
-            Format::Physgaussian => physgaussian::write(model, &mut files)?,
-            Format::Asset => asset::write(&model.asset.ok_or(ExportError::NotAMesh)?, &in_place, &mut files)?,
-            Format::Csv => asset::write_tables(&model.asset.ok_or(ExportError::NotAMesh)?, model, &mut files)?,
+            done => done?,
         }
     }
     let body = formats.iter().any(|format| format.has_bodies()).then(|| shared.body()).transpose()?.flatten();
-    Ok(Exported { files: files.written, body })
+    let objects = vec![ObjectSummary::of(&shared, &formats)?];
+    Ok(Exported { files: files.written, formats, left_out, body, objects, provenance: Provenance::of(model) })
+}
+
+/// The formats that can be written, and why others cannot: what the object lacks for a format is found out before a file is written.
+fn possible(shared: &Shared, formats: Formats) -> Result<(Vec<Format>, Vec<LeftOut>), ExportError> {
+    if let Formats::Each(formats) = formats {
+        formats.iter().try_for_each(|format| require(*format, shared))?;
+        return Ok((formats.to_vec(), Vec::new()));
+    }
+    let (mut found, mut left_out) = (Vec::new(), Vec::new());
+    for &format in Format::value_variants() {
+        match require(format, shared).and_then(|()| require_beside_others(format, shared.model)) {
+            Ok(()) => found.push(format),
+            Err(error) => left_out.push(LeftOut { format, why: error.to_string() }),
+        }
+    }
+    Ok((found, left_out))
+}
+
+/// An error if the object lacks something for the format.
+fn require(format: Format, shared: &Shared) -> Result<(), ExportError> {
+    match format {
+        Format::Mjcf | Format::Urdf | Format::Sdf | Format::Usda | Format::Usdz => drop(shared.rigid()?),
+        Format::Glb => drop(shared.part_meshes()?),
+        Format::Asset => {
+            shared.model.asset.ok_or(ExportError::NotAMesh)?;
+            shared.parts()?;
+        }
+        Format::Csv => drop(shared.model.asset.ok_or(ExportError::NotAMesh)?),
+        Format::Belief => drop(shared.parts()?),
+        Format::GltfSplat => drop(shared.placement()?),
+        Format::PlyParts | Format::Npz | Format::Physgaussian => {}
+    }
+    Ok(())
+}
+
+/// An error if the format's files would replace those of others that differ.
+fn require_beside_others(format: Format, model: &Model) -> Result<(), ExportError> {
+    let is_moved = model.origin != Origin::Input || model.at != Vector3::zeros();
+    match model.asset {
+        Some(asset) if format == Format::Asset && is_moved && asset.has_files_beside() => Err(ExportError::InPlace),
+        _ => Ok(()),
+    }
+}
+
+fn write(format: Format, shared: &Shared, in_place: &Shared, files: &mut Files) -> Result<(), ExportError> {
+    let model = shared.model;
+    match format {
+        Format::Mjcf => mjcf::write(&shared.rigid()?, files),
+        Format::Urdf => urdf::write(&shared.rigid()?, files),
+        Format::Sdf => sdf::write(shared, files),
+        Format::Usda => usd::write_usda(model, &shared.rigid()?, files),
+        Format::Usdz => usd::write_usdz(model, &shared.rigid()?, files),
+        Format::Glb => glb::write(model, &shared.meshes()?, files),
+        Format::GltfSplat => gltf_splat::write(model, &shared.placement()?, files),
+        Format::PlyParts => ply_parts::write(model, files),
+        Format::Npz => npz::write(model, files),
+        Format::Belief => belief::write(model.name, model.samples, &shared.placement()?, model.note_on_scale(), files),
+        Format::Physgaussian => physgaussian::write(model, files),
+        Format::Asset => asset::write(&model.asset.ok_or(ExportError::NotAMesh)?, in_place, files),
+        Format::Csv => asset::write_tables(&model.asset.ok_or(ExportError::NotAMesh)?, model, files),
+    }
 }
 
 /// The Gaussians and their field, without the Gaussians that were set aside.
@@ -552,6 +622,13 @@ fn friction(label: &FieldLabel, on_steel: Option<&MaterialLibrary>) -> f64 {
     }
 }
 
+/// What is believed of that friction; `None` if the library lacks the material.
+fn friction_range(label: &FieldLabel, on_steel: Option<&MaterialLibrary>) -> Option<Estimate> {
+    let Some(library) = on_steel else { return Some(label.friction_rubber) };
+    let range = library.get(&label.material)?.friction_steel;
+    Some(Estimate::new(range.low, range.mid(), range.high))
+}
+
 /// The coefficient of restitution of a part on a hard surface, if the library says it.
 fn restitution(label: &FieldLabel) -> Option<f64> {
     label.restitution.map(|estimate| estimate.mid)
@@ -635,9 +712,9 @@ fn identifier(name: &str) -> String {
     if letters.starts_with(|c: char| c.is_ascii_alphabetic()) { letters } else { format!("object_{letters}") }
 }
 
-/// Names that a rigid body cannot have: MuJoCo and URDF call the fixed frame `world`, and `scene.xml` is the file that puts
-/// the body on a floor.
-const TAKEN: [&str; 2] = ["world", "scene"];
+/// Names that a rigid body cannot have: MuJoCo and URDF call the fixed frame `world`, `scene.xml` is the file that puts
+/// the body on a floor, and `asset.json` the [summary].
+const TAKEN: [&str; 3] = ["world", "scene", "asset"];
 
 /// The [`identifier`] of a rigid body.
 fn body_name(name: &str) -> String {
@@ -655,11 +732,17 @@ struct Files<'a> {
     folder: &'a Path,
     /// Canonical paths that must not be replaced.
     inputs: Vec<PathBuf>,
+    /// The format that is being written; `None` for what belongs to all.
+    format: Option<Format>,
     /// Each file once, although several formats may share it.
-    written: Vec<PathBuf>,
+    written: Vec<File>,
 }
 
-impl Files<'_> {
+impl<'a> Files<'a> {
+    fn new(folder: &'a Path, inputs: Vec<PathBuf>) -> Self {
+        Self { folder, inputs, format: None, written: Vec::new() }
+    }
+
     fn write(
         &mut self,
         name: impl AsRef<Path>,
@@ -674,10 +757,14 @@ impl Files<'_> {
             return Err(ExportError::Input { path });
         }
         let written = Folder::open(self.folder).and_then(|folder| folder.fill(name, fill));
-        written.map_err(|source| ExportError::Write { path: path.clone(), source })?;
-        if !self.written.contains(&path) {
-            self.written.push(path);
-        }
+        let size = written.and_then(|()| path.metadata()).map(|file| file.len());
+        let bytes = size.map_err(|source| ExportError::Write { path: path.clone(), source })?;
+        let Some(known) = self.written.iter_mut().find(|known| known.path == path) else {
+            self.written.push(File { path, bytes, formats: self.format.into_iter().collect() });
+            return Ok(());
+        };
+        known.bytes = bytes;
+        known.formats.extend(self.format.filter(|format| !known.formats.contains(format)));
         Ok(())
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use tracing::warn;
 
 use crate::error::Result;
-use crate::export::{self, Asset, Colliders, Counterface, Exported, Format, Model, Origin};
+use crate::export::{self, Asset, Colliders, Counterface, Exported, Format, Formats, Model, Origin};
 use crate::grasp::GraspError;
 use crate::grasp::candidates::Candidate;
 use crate::units::MetricScale;
@@ -15,12 +15,13 @@ use super::Pipeline;
 use super::stages::Stage;
 use super::stages::grasp::Grasped;
 use super::stages::parts::{metric_parts, samples_of, scale, weighed_field};
+use super::stages::query::answered_by;
 use crate::parts::Interior;
 
 /// What to export.
 #[derive(Debug, Clone, Copy)]
 pub struct ExportOptions<'a> {
-    pub formats: &'a [Format],
+    pub formats: Formats<'a>,
     /// The colliders of [`Format::Asset`].
     pub colliders: Colliders,
     /// How many samples [`Format::Belief`] has.
@@ -37,7 +38,7 @@ pub struct ExportOptions<'a> {
 /// Writes the object into `folder` once the parts are done.
 pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Exported> {
     let ExportOptions { formats, colliders, samples, origin, at, floating, friction } = *options;
-    let has_grasps = formats.iter().any(|format| format.has_grasps());
+    let has_grasps = formats.may_be(Format::has_grasps);
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
     let parts = metric_parts(open)?;
@@ -45,9 +46,10 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
     let source = splat.map_or_else(String::new, |name| name.to_string_lossy().into_owned());
     let cameras = open.scene.cameras();
     let scale = scale(open)?;
-    let samples = if formats.contains(&Format::Belief) { samples_of(open, samples)? } else { None };
+    let samples = if formats.may_be(|format| format == Format::Belief) { samples_of(open, samples)? } else { None };
     let samples = samples.unwrap_or_default();
     let library = open.options.materials.library()?;
+    let answered_by = answered_by(open);
     let model = Model {
         name: &open.scene.name,
         gaussians: &open.scene.gaussians,
@@ -66,10 +68,13 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
         at: at.into(),
         floating,
         source: &source,
+        answered_by: &answered_by,
         inputs: &open.scene.files,
         asset: open.scene.mesh.as_deref().map(|mesh| Asset { mesh, colliders }),
     };
-    if let (true, Some(asset), Some(scale)) = (formats.contains(&Format::Asset), model.asset, model.scale) {
+    if let (true, Some(asset), Some(scale)) =
+        (formats.may_be(|format| format == Format::Asset), model.asset, model.scale)
+    {
         warn_of_unit(&asset, scale);
     }
     Ok(export::export_body(&model, formats, folder)?)

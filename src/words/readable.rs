@@ -29,6 +29,17 @@ pub fn significant(value: f64) -> String {
     }
 }
 
+/// A number of bytes with its decimal unit.
+pub fn bytes(count: u64) -> String {
+    let (factor, unit) = match count {
+        ..1000 => (1.0, "B"),
+        ..1_000_000 => (1e3, "kB"),
+        ..1_000_000_000 => (1e6, "MB"),
+        _ => (1e9, "GB"),
+    };
+    format!("{} {unit}", significant(count as f64 / factor))
+}
+
 /// An estimate as text, with the digits that its interval allows.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Figures {

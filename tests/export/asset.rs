@@ -115,6 +115,7 @@ impl Weighed {
             at: Vector3::zeros(),
             floating: false,
             source: "box.glb",
+            answered_by: &[],
             inputs: &self.scene.files,
             asset: Some(Asset { mesh, colliders }),
         };

@@ -4,6 +4,8 @@
 mod asset;
 // The origin and place of an object; SDF; friction on steel.
 mod placement;
+// All formats at once, their list, and the file that says what was written.
+mod summary;
 // Several objects of a capture as one scene.
 mod table;
 
@@ -45,6 +47,7 @@ fn model(measured: &Measured) -> Model<'_> {
         at: Vector3::zeros(),
         floating: false,
         source: "point_cloud.ply",
+        answered_by: &[],
         inputs: &[],
         asset: None,
     }

@@ -105,10 +105,29 @@ fn each_scene_is_listed_first_and_once_and_is_the_same_again() {
     assert!(exported.listed.lines().next().unwrap().ends_with("scene.xml"), "{}", exported.listed);
     let again = export(&exported.table, "again");
     assert_eq!(again.lines().count(), exported.listed.lines().count());
-    for file in exported.listed.lines() {
+    for line in exported.listed.lines() {
+        let (_, file) = line.trim_start().split_once("  ").unwrap();
         let other = file.replace("/exported/", "/again/");
         assert!(std::fs::read(file).unwrap() == std::fs::read(other).unwrap(), "{file}");
     }
+}
+
+#[test]
+fn one_summary_tells_of_all_objects() {
+    let exported = Exported::get();
+    assert!(exported.listed.lines().last().unwrap().ends_with("/asset.json"), "{}", exported.listed);
+    let summary: Value = serde_json::from_slice(&std::fs::read(exported.file("asset.json")).unwrap()).unwrap();
+    let objects = listed(summary["objects"].clone());
+    assert_eq!(objects.iter().map(|object| &object["name"]).collect::<Vec<_>>(), ["object_1", "object_2"]);
+    for object in &objects {
+        assert_eq!(object["mass_kg"]["mid"], exported.mass_kg(object["name"].as_str().unwrap()));
+    }
+    let files = listed(summary["files"].clone());
+    let scene = files.iter().find(|file| file["path"] == "scene.xml").unwrap();
+    assert_eq!(
+        (&scene["formats"], &scene["bytes"]),
+        (&json!(["mjcf"]), &json!(exported.file("scene.xml").metadata().unwrap().len()))
+    );
 }
 
 #[test]

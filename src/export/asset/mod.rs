@@ -45,11 +45,22 @@ pub enum Colliders {
     Make,
 }
 
+impl Asset<'_> {
+    fn format(&self) -> &'static MeshFormat {
+        MeshFormat::of(&self.mesh.painted.mesh.files[0]).expect("a mesh was read from a file of a known format")
+    }
+
+    /// Whether its physics is in files beside it.
+    pub(super) fn has_files_beside(&self) -> bool {
+        !self.format().is_y_up
+    }
+}
+
 /// Writes the asset.
 pub(super) fn write(asset: &Asset, shared: &Shared, files: &mut Files) -> Result<(), ExportError> {
     let mesh = &asset.mesh.painted.mesh;
     let path = &mesh.files[0];
-    let format = MeshFormat::of(path).expect("a mesh was read from a file of a known format");
+    let format = asset.format();
     let parts = shared.parts()?;
     let frame = FileFrame::of(shared.model, format);
     let facts = Facts::of(shared.model, parts, mesh, &frame);

@@ -19,7 +19,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 
 use super::placement::Placement;
 use super::shape::Collider;
-use super::{ESTIMATED_SCALE, ExportError, Files, Format, Splat, body_name};
+use super::{ESTIMATED_SCALE, ExportError, File, Files, Format, Splat, body_name};
 use crate::gaussians::Gaussians;
 use crate::scene::Plane;
 use crate::scene::splat::ply;
@@ -139,10 +139,11 @@ fn turn_to(normal: &Vector3<f64>) -> UnitQuaternion<f64> {
 ///
 /// # Errors
 /// If a file cannot be written or would replace one of the capture, or one of the objects' files cannot be read.
-pub fn compose(table: &Table, formats: &[Format], folder: &Path) -> Result<Vec<PathBuf>, ExportError> {
+pub fn compose(table: &Table, formats: &[Format], folder: &Path) -> Result<Vec<File>, ExportError> {
     let inputs = table.inputs.iter().filter_map(|path| path.canonicalize().ok()).collect();
-    let mut files = Files { folder, inputs, written: Vec::new() };
+    let mut files = Files::new(folder, inputs);
     for format in formats {
+        files.format = Some(*format);
         match format {
             Format::Mjcf => mjcf::write(table, &mut files)?,
             Format::Urdf | Format::Sdf => sdf::write(table, &mut files)?,

@@ -9,7 +9,9 @@ use serde::{Deserialize, Serialize};
 use crate::camera::Camera;
 use crate::consensus::{self, AskAbout};
 use crate::error::{Error, Result};
+use crate::files::json;
 use crate::query::ask::hints;
+use crate::query::recorded::Answerer;
 use crate::query::{
     AnswerSource, Answers, Bare, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion,
     Preview, Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
@@ -349,6 +351,17 @@ fn recordings_in(folder: &Path) -> Vec<PathBuf> {
     let mut found: Vec<_> = entries.filter(|path| path.extension().is_some_and(|end| end == "json")).collect();
     found.sort();
     found
+}
+
+/// The names of all whose answers are recorded with the scene and may have been used, in order.
+pub fn answered_by(open: &OpenScene) -> Vec<String> {
+    let options = &open.options.query;
+    let folders = session::recording_folders(options, open.home_of_recordings());
+    let model_of = |path: PathBuf| json::read::<Answerer>(&fs::read(path).ok()?).ok().map(|answerer| answerer.model);
+    let models: BTreeSet<String> =
+        folders.iter().flat_map(|folder| recordings_in(folder)).filter_map(model_of).collect();
+    let may_answer = |model: &String| options.lmm_model.as_ref().is_none_or(|asked| asked == model);
+    models.into_iter().filter(may_answer).collect()
 }
 
 /// The questions without an answer.
