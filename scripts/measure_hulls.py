@@ -185,7 +185,7 @@ def main():
             if done.returncode != 0:
                 sys.exit(done.stderr.strip())
             seconds = child_seconds() - before
-            pieces = [trimesh.load(path, force="mesh") for path in sorted(glob.glob(os.path.join(out, "meshes", "*_part*[0-9].obj")))]
+            pieces = [trimesh.load(path, force="mesh") for path in sorted(glob.glob(os.path.join(out, "meshes", "*__*_[0-9]*.obj")))]
             [skin] = glob.glob(os.path.join(out, "meshes", "*_skin.obj"))
             skin = trimesh.load(skin, force="mesh", process=False)
         pieces = [piece.convex_hull for piece in pieces]

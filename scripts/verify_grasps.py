@@ -379,9 +379,11 @@ def f_hold(friction, weight, grasp):
 
 def own_friction(model, grasp):
     """The friction that gprop gives a part."""
-    body = ET.parse(model).getroot()
-    geoms, names = body.iter("geom"), f"{body.get('model')}_part{grasp['part_id']}_"
-    return float(next(g for g in geoms if (g.get("name") or "").startswith(names)).get("friction").split()[0])
+    with open(os.path.join(os.path.dirname(model), "asset.json")) as file:
+        parts = json.load(file)["objects"][0]["parts"]
+    name = next(part["name"] for part in parts if part["part"] == grasp["part_id"])
+    geoms = ET.parse(model).getroot().iter("geom")
+    return float(next(g for g in geoms if re.fullmatch(f"{name}_[0-9]+", g.get("name") or "")).get("friction").split()[0])
 
 
 def projected(view, point):

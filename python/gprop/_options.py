@@ -152,12 +152,14 @@ class RunOptions(StageOptions, total=False):
 class ExportOptions(StageOptions, total=False):
     """Options of `gprop export`."""
 
-    format: Annotated[Literal["mjcf", "urdf", "sdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv"] | Sequence[Literal["mjcf", "urdf", "sdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv"]], "Formats to write, separated by commas; required for a splat. A mesh is written as `asset` without it; a URDF or MJCF is always written as it is, with masses, inertias and frictions filled in [possible values: mjcf, urdf, sdf, npz, belief, physgaussian, usda, usdz, glb, gltf-splat, ply-parts, asset, csv]"]
+    format: Annotated[Literal["mjcf", "urdf", "sdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv", "all"] | Sequence[Literal["mjcf", "urdf", "sdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv", "all"]], "Formats to write, separated by commas, or `all` in which the scene can be written; required for a splat. A mesh is written as `asset` without it; a URDF or MJCF is always written as it is, with masses, inertias and frictions filled in [possible values: mjcf, urdf, sdf, npz, belief, physgaussian, usda, usdz, glb, gltf-splat, ply-parts, asset, csv, all]"]
     colliders: Annotated[Literal["keep", "add", "make"], "Colliders of the format `asset` [default: add] [possible values: keep, add, make]"]
     samples: Annotated[int, "Samples of the format `belief` [default: 32]"]
     origin: Annotated[Literal["input", "base", "com"], "Origin of the object's own axes, for simulators and glTF [default: input] [possible values: input, base, com]"]
     at: Annotated[str | float, "Where these axes are by default, in metres: so exports that are loaded together stand side by side [default: 0,0,0]"]
     floating: Annotated[bool, "Hang a URDF's object on a floating joint, for readers that fix a root to the world (MuJoCo); --at does so too"]
+    links: Annotated[Literal["one", "parts"], "Links of the object in URDF, MJCF, SDF and USD: one rigid body, or each part by itself, fixed to its neighbour [default: one] [possible values: one, parts]"]
+    pad_geom: Annotated[str | Sequence[str], "Geoms of your gripper's pads, separated by commas: NAME_pads.xml beside the MJCF states the friction between each and the object as pairs"]
     friction: Annotated[Literal["rubber", "steel"], "Surface with which the frictions are [default: rubber] [possible values: rubber, steel]"]
     work: Annotated[Path, "Work folder [default: SCENE/gprop]"]
 

@@ -300,6 +300,13 @@ pub struct ExportArgs {
     /// Hang a URDF's object on a floating joint, for readers that fix a root to the world (MuJoCo); --at does so too.
     #[arg(long)]
     pub floating: bool,
+    /// Links of the object in URDF, MJCF, SDF and USD: one rigid body, or each part by itself, fixed to its neighbour.
+    #[arg(long, value_enum, default_value_t)]
+    pub links: export::Links,
+    /// Geoms of your gripper's pads, separated by commas: NAME_pads.xml beside the MJCF states the friction between each and the
+    /// object as pairs.
+    #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = clap::builder::NonEmptyStringValueParser::new())]
+    pub pad_geom: Vec<String>,
     /// Surface with which the frictions are.
     #[arg(long, value_enum, default_value_t)]
     pub friction: export::Counterface,

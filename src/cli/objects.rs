@@ -7,7 +7,7 @@ use std::path::Path;
 use crate::config;
 use crate::error::{Context, Error, ErrorKind, Result, UsageError};
 use crate::exit;
-use crate::export::{self, Body, ExportError, Exported, Origin, Table, compose};
+use crate::export::{self, Body, ExportError, Exported, Links, Origin, Table, compose};
 use crate::objects::{self, Objects, SomeFailed};
 use crate::parts::MassReading;
 use crate::pipeline::{OBJECT, Options, Stage, corrections_file, work_folder_of};
@@ -227,6 +227,10 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     let formats = scene::formats(args)?;
     if args.origin != Origin::Input || args.at != [0.0; 3] {
         let why = "--origin and --at are for one object: a scene of all objects keeps the places that they have in the capture";
+        return Err(UsageError(why.to_owned()).into());
+    }
+    if args.links == Links::Parts {
+        let why = "--links parts is for one object; name it with --object N";
         return Err(UsageError(why.to_owned()).into());
     }
     let found = StandingObjects::find(args.scene(), &args.options.scene)?;

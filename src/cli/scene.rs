@@ -173,6 +173,8 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
         origin: args.origin,
         at: args.at,
         floating: args.floating,
+        links: args.links,
+        pad_geoms: &args.pad_geom,
         friction: args.friction,
     };
     let exported = pipeline::export::export(&mut pipeline, &wanted, args.out())?;

@@ -5,12 +5,15 @@ use nalgebra::Point3;
 use serde_json::json;
 
 use super::gltf::Gltf;
+use super::names::{self, within};
 use super::shape::PartMesh;
-use super::{ExportError, Files, Meshes, Model, asset_extras, identifier, label_of, part_facts};
+use super::{ExportError, Files, Meshes, Model, asset_extras, body_name, identifier, part_facts};
 use crate::pictures::palette;
 
 pub(super) fn write(model: &Model, meshes: &Meshes, files: &mut Files) -> Result<(), ExportError> {
     let (name, extras_of_asset) = (identifier(model.name), asset_extras(model, &meshes.placement));
+    let (body, names) = (body_name(model.name), names::of_parts(&model.field.labels));
+    let name_of = |part: u32| within(&body, &names[&part]);
     let mut visual = Gltf::default();
     visual.materials.push(json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.7 } }));
     let mut nodes = Vec::new();
@@ -26,10 +29,10 @@ pub(super) fn write(model: &Model, meshes: &Meshes, files: &mut Files) -> Result
         let primitive =
             json!({ "attributes": attributes, "indices": visual.triangles(&mesh.triangles), "material": 0 });
         visual.meshes.push(json!({ "primitives": [primitive] }));
-        let (mesh, label) = (visual.meshes.len() - 1, label(model, *part));
-        nodes.push(visual.node(json!({ "name": label, "mesh": mesh, "extras": part_facts(model, *part) })));
+        let mesh = visual.meshes.len() - 1;
+        nodes.push(visual.node(json!({ "name": name_of(*part), "mesh": mesh, "extras": part_facts(model, *part) })));
     }
-    visual.node_z_up(&name, &nodes, &meshes.placement.place());
+    visual.node_z_up(&body, &nodes, &meshes.placement.place());
     files.write(format!("{name}.glb"), |out| visual.write(&[], &extras_of_asset, out))?;
 
     let mut colliders = Gltf::default();
@@ -49,20 +52,15 @@ pub(super) fn write(model: &Model, meshes: &Meshes, files: &mut Files) -> Result
                 json!({ "primitives": [{ "attributes": attributes, "indices": indices, "material": material }] }),
             );
             let mesh = colliders.meshes.len() - 1;
-            children.push(colliders.node(json!({ "name": collider.name(), "mesh": mesh })));
+            children.push(colliders.node(json!({ "name": within(&body, &collider.name), "mesh": mesh })));
         }
-        let node = json!({ "name": label(model, part), "children": children, "extras": part_facts(model, part) });
+        let node = json!({ "name": name_of(part), "children": children, "extras": part_facts(model, part) });
         nodes.push(colliders.node(node));
     }
-    colliders.node_z_up(&name, &nodes, &meshes.placement.place());
+    colliders.node_z_up(&body, &nodes, &meshes.placement.place());
     files.write(format!("{name}_colliders.glb"), |out| colliders.write(&[], &extras_of_asset, out))
 }
 
 fn floats(points: &[Point3<f64>]) -> Vec<[f32; 3]> {
     points.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect()
-}
-
-/// The name of a part's node: its number makes it unique.
-fn label(model: &Model, part: u32) -> String {
-    format!("part{part} {}", label_of(&model.field.labels, part).caption)
 }

@@ -2,46 +2,60 @@
 //! and the skin, which collides with nothing; and a scene with this body on a floor. All names begin with that of the
 //! body, so that a scene may include several.
 //!
+//! If each part is a link, its body is inside that of its neighbour, without a joint.
+//!
 //! Friction is the part's on rubber or steel: MuJoCo uses the larger friction of two geoms in
-//! contact. As in MuJoCo's own models, visual geoms are in group 2 and colliders in group 3, which viewers hide.
+//! contact, unless a pair says otherwise: a file of its own has pairs with the geoms of a gripper's pads. As in MuJoCo's own models, visual geoms are in group 2 and colliders in group 3, which viewers hide.
 
 use std::fmt::Write;
 
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 
-use super::{ExportError, Files, Rigid, obj, spaced};
+use super::links::Inertial;
+use super::shape::Collider;
+use super::{ExportError, Files, Rigid, escaped, obj, spaced};
 use crate::pictures::palette;
 use crate::vote::FieldLabel;
 
 /// MuJoCo's default time constant of contacts, s. Stiffer parts keep it, since no time step could resolve theirs.
 const DEFAULT_TIME_CONSTANT_S: f64 = 0.02;
 /// MuJoCo's torsional and rolling friction, m.
-const OTHER_FRICTION: &str = "0.005 0.0001";
+const TORSIONAL_M: f64 = 0.005;
+const ROLLING_M: f64 = 0.0001;
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.xml", rigid.name), |out| out.write_all(body(rigid).as_bytes()))?;
     files.write("scene.xml", |out| out.write_all(scene(rigid).as_bytes()))?;
+    if !rigid.pad_geoms.is_empty() {
+        files.write(format!("{}_pads.xml", rigid.name), |out| out.write_all(pads(rigid).as_bytes()))?;
+    }
     obj::write_meshes(rigid, files)
 }
 
 fn body(rigid: &Rigid) -> String {
-    let (mass, center, i) = rigid.inertial();
     let mut assets = String::new();
-    let mut geoms = String::new();
-    for collider in rigid.colliders {
-        let (name, label) = (rigid.collider_name(collider), rigid.label(collider));
-        let _ = writeln!(assets, r#"    <mesh name="{name}" file="meshes/{name}.obj"/>"#);
-        let color = spaced(palette::part(collider.part).map(f64::from));
-        let (friction, time) = (rigid.friction(collider), time_constant_s(rigid, label));
-        let softness = time.map_or_else(String::new, |time| format!(r#" solref="{time} 1""#));
-        let _ = writeln!(
-            geoms,
-            r#"      <geom name="{name}" class="{model}_collision" mesh="{name}" friction="{friction} {OTHER_FRICTION}"{softness} rgba="{color} 1"/>"#,
-            model = rigid.name,
+    for (name, _) in rigid.skins() {
+        let _ = write!(
+            assets,
+            r#"    <texture name="{name}_skin" type="2d" file="meshes/{name}_skin.png"/>
+    <material name="{name}_skin" texture="{name}_skin" specular="0.2" shininess="0.2"/>
+    <mesh name="{name}_skin" file="meshes/{name}_skin.obj"/>
+"#
         );
     }
-    // fullinertia: xx yy zz xy xz yz.
-    let inertia = spaced([i[0][0], i[1][1], i[2][2], i[0][1], i[0][2], i[1][2]]);
+    for collider in rigid.colliders {
+        let _ = writeln!(
+            assets,
+            r#"    <mesh name="{name}" file="meshes/{name}.obj"/>"#,
+            name = rigid.collider_name(collider)
+        );
+    }
+    let mut bodies = String::new();
+    if rigid.links.is_empty() {
+        write_whole(&mut bodies, rigid);
+    } else {
+        write_link(&mut bodies, rigid, 0);
+    }
     format!(
         r#"{note}<mujoco model="{name}">
   <default>
@@ -53,28 +67,104 @@ fn body(rigid: &Rigid) -> String {
     </default>
   </default>
   <asset>
-    <texture name="{name}_skin" type="2d" file="meshes/{name}_skin.png"/>
-    <material name="{name}_skin" texture="{name}_skin" specular="0.2" shininess="0.2"/>
-    <mesh name="{name}_skin" file="meshes/{name}_skin.obj"/>
 {assets}  </asset>
   <worldbody>
-    <body name="{name}"{place}>
-      <freejoint name="{name}_free"/>
-      <inertial pos="{center}" mass="{mass}" fullinertia="{inertia}"/>
-      <geom name="{name}_skin" class="{name}_visual" mesh="{name}_skin" material="{name}_skin"/>
-{geoms}    </body>
-  </worldbody>
+{bodies}  </worldbody>
 </mujoco>
 "#,
         note = rigid.comments(),
         name = rigid.name,
-        place = if rigid.placement.place() == Vector3::zeros() {
-            String::new()
-        } else {
-            format!(r#" pos="{}""#, spaced(rigid.placement.place().iter().copied()))
-        },
-        center = spaced(center),
     )
+}
+
+/// The object as one body.
+fn write_whole(text: &mut String, rigid: &Rigid) {
+    let (mass_kg, center, inertia) = rigid.inertial();
+    let inertia = Matrix3::from_fn(|row, column| inertia[row][column]);
+    let inertial = Inertial { mass_kg, center_m: center.into(), inertia };
+    open_root(text, rigid, &rigid.name);
+    write_content(text, rigid, (&rigid.name, &inertial), Vector3::zeros(), rigid.colliders.iter());
+    text.push_str("    </body>\n");
+}
+
+/// A part as a body, with those that are fixed to it inside: a body without a joint is fixed to the one around it.
+fn write_link(text: &mut String, rigid: &Rigid, index: usize) {
+    let link = &rigid.links[index];
+    match link.parent {
+        None => open_root(text, rigid, &link.name),
+        Some(parent) => {
+            let at = link.joint - rigid.links[parent].joint;
+            let _ = writeln!(text, r#"    <body name="{}" pos="{}">"#, link.name, spaced(at.iter().copied()));
+        }
+    }
+    write_content(text, rigid, (&link.name, &link.inertial), link.joint, rigid.colliders_of(index));
+    let fixed = |n: &usize| rigid.links[*n].parent == Some(index);
+    (0..rigid.links.len()).filter(fixed).for_each(|n| write_link(text, rigid, n));
+    text.push_str("    </body>\n");
+}
+
+/// A body that moves freely.
+fn open_root(text: &mut String, rigid: &Rigid, name: &str) {
+    let place = rigid.placement.place();
+    let pos =
+        if place == Vector3::zeros() { String::new() } else { format!(r#" pos="{}""#, spaced(place.iter().copied())) };
+    let _ = write!(text, "    <body name=\"{name}\"{pos}>\n      <freejoint name=\"{}_free\"/>\n", rigid.name);
+}
+
+/// What is in a body of this name, whose own origin is at `origin` in the object's axes.
+fn write_content<'a>(
+    text: &mut String,
+    rigid: &Rigid,
+    (name, inertial): (&str, &Inertial),
+    origin: Vector3<f64>,
+    colliders: impl Iterator<Item = &'a Collider>,
+) {
+    let i = &inertial.inertia;
+    // fullinertia: xx yy zz xy xz yz.
+    let inertia = spaced([i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(0, 1)], i[(0, 2)], i[(1, 2)]]);
+    let (center, mass) = (spaced((inertial.center_m - origin).iter().copied()), inertial.mass_kg);
+    let pos = if origin == Vector3::zeros() {
+        String::new()
+    } else {
+        format!(r#" pos="{}""#, spaced((-origin).iter().copied()))
+    };
+    let _ = write!(
+        text,
+        r#"      <inertial pos="{center}" mass="{mass}" fullinertia="{inertia}"/>
+      <geom name="{name}_skin" class="{model}_visual" mesh="{name}_skin" material="{name}_skin"{pos}/>
+"#,
+        model = rigid.name,
+    );
+    for collider in colliders {
+        let (name, label) = (rigid.collider_name(collider), rigid.label(collider));
+        let color = spaced(palette::part(collider.part).map(f64::from));
+        let (friction, time) = (rigid.friction(collider), time_constant_s(rigid, label));
+        let softness = time.map_or_else(String::new, |time| format!(r#" solref="{time} 1""#));
+        let _ = writeln!(
+            text,
+            r#"      <geom name="{name}" class="{model}_collision" mesh="{name}" friction="{friction} {TORSIONAL_M} {ROLLING_M}"{softness} rgba="{color} 1"{pos}/>"#,
+            model = rigid.name,
+        );
+    }
+}
+
+/// A pair for each pad and collider. What two geoms that touch have in common is then that of the pair, whatever either says by
+/// itself: MuJoCo would take the larger friction of the two.
+fn pads(rigid: &Rigid) -> String {
+    let mut pairs = String::new();
+    for pad in rigid.pad_geoms {
+        for collider in rigid.colliders {
+            let friction = rigid.friction(collider);
+            let time = time_constant_s(rigid, rigid.label(collider)).unwrap_or(DEFAULT_TIME_CONSTANT_S);
+            let _ = writeln!(
+                pairs,
+                r#"    <pair geom1="{pad}" geom2="{name}" condim="4" friction="{friction} {friction} {TORSIONAL_M} {ROLLING_M} {ROLLING_M}" solref="{time} 1"/>"#,
+                pad = escaped(pad),
+                name = rigid.collider_name(collider),
+            );
+        }
+    }
+    format!("<mujoco model=\"{} between pads\">\n  <contact>\n{pairs}  </contact>\n</mujoco>\n", rigid.name)
 }
 
 /// The body on a floor under its lowest point, lit and seen from the front.

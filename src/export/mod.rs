@@ -8,7 +8,7 @@
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks;
 //! - [`mod@asset`]: the mesh from which the scene was made, once more, with its physics, and tables of its faces and vertices.
 //!
-//! [`mod@format`] lists the formats, [`summary`] is the file that says what was written, and [`table`] composes the files of several objects of a capture into one scene.
+//! [`names`] are the same in all formats, [`mod@format`] lists the formats, [`summary`] is the file that says what was written, and [`table`] composes the files of several objects of a capture into one scene.
 //!
 //! Everything rigid is in metres, in the world's frame, z up; the asset of a scene that was turned for that stands on z = 0, and
 //! every file says how it lies in the scene's own ([`placement`]). Gaussians that were set aside are left out.
@@ -19,7 +19,9 @@ mod format;
 mod glb;
 pub(crate) mod gltf;
 mod gltf_splat;
+mod links;
 mod mjcf;
+mod names;
 mod npz;
 mod obj;
 mod physgaussian;
@@ -55,6 +57,7 @@ use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 pub use asset::{Asset, Colliders, below};
 pub use format::{Format, Frame, Listed, list, text};
+use links::Link;
 pub use placement::Origin;
 use placement::{Axes, Placement};
 use shape::{Collider, PartMesh, Shape, Skin};
@@ -72,6 +75,17 @@ pub enum Counterface {
     Rubber,
     /// Smooth steel, such as bare fingers or a machine's table
     Steel,
+}
+
+/// The links of an object in URDF, MJCF, SDF and USD.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum Links {
+    /// One rigid body
+    #[default]
+    One,
+    /// Each part by itself, fixed to its neighbour, so that it can be jointed, broken off or replaced
+    Parts,
 }
 
 /// The data to export.
@@ -103,6 +117,9 @@ pub struct Model<'a> {
     pub at: Vector3<f64>,
     /// Whether a URDF's object hangs on a floating joint. It does too if it stands elsewhere by default: a root has no pose.
     pub floating: bool,
+    pub links: Links,
+    /// Names of the geoms of a gripper's pads, for which MJCF has pairs with the object's.
+    pub pad_geoms: &'a [String],
     /// Name of the file that holds the splat.
     pub source: &'a str,
     /// The models or persons with recorded answers.
@@ -291,7 +308,7 @@ pub fn export_body(model: &Model, formats: Formats, folder: &Path) -> Result<Exp
     }
     let shared = Shared::of(model);
     // A mesh that is written again stays where it is.
-    let in_place = Model { origin: Origin::Input, at: Vector3::zeros(), ..*model };
+    let in_place = Model { origin: Origin::Input, at: Vector3::zeros(), links: Links::One, ..*model };
     let in_place = Shared::of(&in_place);
     let leaves_out = matches!(formats, Formats::Possible);
     let (mut formats, mut left_out) = possible(&shared, formats)?;
@@ -400,11 +417,18 @@ struct Shared<'a> {
     shape: OnceCell<Shape>,
     skin: OnceCell<Skin>,
     part_meshes: OnceCell<Vec<PartMesh>>,
+    links: OnceCell<Vec<Link>>,
 }
 
 impl<'a> Shared<'a> {
     fn of(model: &'a Model<'a>) -> Self {
-        Self { model, shape: OnceCell::new(), skin: OnceCell::new(), part_meshes: OnceCell::new() }
+        Self {
+            model,
+            shape: OnceCell::new(),
+            skin: OnceCell::new(),
+            part_meshes: OnceCell::new(),
+            links: OnceCell::new(),
+        }
     }
 }
 
@@ -424,6 +448,15 @@ impl Shared<'_> {
         let shape = self.shape()?;
         let meshes = self.part_meshes.get_or_init(|| shape::part_meshes(self.model, shape));
         if meshes.is_empty() { Err(ExportError::NoShape) } else { Ok(meshes) }
+    }
+
+    /// None if the object is one rigid body.
+    fn links(&self) -> Result<&[Link], ExportError> {
+        if self.model.links == Links::One {
+            return Ok(&[]);
+        }
+        let (parts, shape) = (self.parts()?, self.shape()?);
+        Ok(self.links.get_or_init(|| links::of(self.model, parts, shape)))
     }
 
     fn meshes(&self) -> Result<Meshes<'_>, ExportError> {
@@ -501,7 +534,7 @@ impl Shared<'_> {
     fn rigid(&self) -> Result<Rigid<'_>, ExportError> {
         let parts = self.parts()?;
         let shape = self.shape()?;
-        let skin = self.skin.get_or_init(|| shape::skin(self.model, shape));
+        let skin = self.skin.get_or_init(|| shape::skin_of(self.model, shape, None));
         if shape.colliders.is_empty() || skin.mesh.volume() <= 0.0 {
             return Err(ExportError::NoShape);
         }
@@ -517,6 +550,8 @@ impl Shared<'_> {
             source: self.model.source,
             note_on_scale: self.model.note_on_scale(),
             own_mesh: None,
+            links: self.links()?,
+            pad_geoms: self.model.pad_geoms,
             floating: self.model.floating || self.model.at != Vector3::zeros(),
             placement,
         })
@@ -545,6 +580,9 @@ struct Rigid<'a> {
     placement: Placement,
     /// Whether it hangs on a floating joint in a URDF.
     floating: bool,
+    /// Each part by itself, those to which others are fixed first; empty for one rigid body.
+    links: &'a [Link],
+    pad_geoms: &'a [String],
     /// The mesh that URDF shows instead of the skin.
     own_mesh: Option<OwnMesh>,
 }
@@ -571,18 +609,35 @@ impl Rigid<'_> {
         (object.mass_kg.mid, center.into(), object.inertia_kg_m2)
     }
 
-    /// The least friction of all colliders; of all parts that have a mass, if there are no colliders.
-    fn least_friction(&self) -> f64 {
-        if self.colliders.is_empty() {
-            return least_friction(self.labels, self.parts, self.on_steel);
-        }
-        let of_colliders = self.colliders.iter().map(|collider| self.friction(collider));
-        of_colliders.fold(f64::INFINITY, f64::min)
+    /// The index of the link to which a collider belongs: the root, if there are none.
+    fn link_of(&self, collider: &Collider) -> usize {
+        self.links.iter().position(|link| link.parts.contains(&collider.part)).unwrap_or(0)
     }
 
-    /// The least restitution of all colliders; of all parts, if there are no colliders.
-    fn least_restitution(&self) -> Option<f64> {
-        let of_colliders = self.colliders.iter().filter_map(|collider| restitution(self.label(collider)));
+    /// The colliders of a link.
+    fn colliders_of(&self, link: usize) -> impl Iterator<Item = &Collider> {
+        self.colliders.iter().filter(move |collider| self.link_of(collider) == link)
+    }
+
+    /// What is shown: the skin of the whole, or of each link.
+    fn skins(&self) -> Vec<(&str, &Skin)> {
+        if self.links.is_empty() {
+            return vec![(&self.name, self.skin)];
+        }
+        self.links.iter().map(|link| (link.name.as_str(), &link.skin)).collect()
+    }
+
+    /// The least friction of these colliders; of all parts that have a mass, if there are none.
+    fn least_friction(&self, colliders: &[&Collider]) -> f64 {
+        if colliders.is_empty() {
+            return least_friction(self.labels, self.parts, self.on_steel);
+        }
+        colliders.iter().map(|collider| self.friction(collider)).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The least restitution of these colliders; of all parts, if there are none.
+    fn least_restitution(&self, colliders: &[&Collider]) -> Option<f64> {
+        let of_colliders = colliders.iter().filter_map(|collider| restitution(self.label(collider)));
         of_colliders.reduce(f64::min).or_else(|| least_restitution(self.labels))
     }
 
@@ -602,9 +657,14 @@ impl Rigid<'_> {
         label_of(self.labels, collider.part)
     }
 
+    /// The name of a part that no other object has.
+    fn part_name(&self, part: u32) -> String {
+        names::of_parts(self.labels).get(&part).map_or_else(String::new, |own| names::within(&self.name, own))
+    }
+
     /// The name of a collider that no other object has: several may be in one folder or one simulation.
     fn collider_name(&self, collider: &Collider) -> String {
-        format!("{}_{}", self.name, collider.name())
+        names::within(&self.name, &collider.name)
     }
 }
 
@@ -720,6 +780,11 @@ const TAKEN: [&str; 3] = ["world", "scene", "asset"];
 fn body_name(name: &str) -> String {
     let name = identifier(name);
     if TAKEN.iter().any(|taken| name.eq_ignore_ascii_case(taken)) { format!("object_{name}") } else { name }
+}
+
+/// A text as the value of an attribute.
+fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('"', "&quot;")
 }
 
 /// Numbers separated by spaces, with all significant digits.

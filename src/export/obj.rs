@@ -61,8 +61,11 @@ pub fn write_meshes(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError>
         let mesh = mesh(&collider.vertices, &collider.triangles);
         files.write(format!("meshes/{}.obj", rigid.collider_name(collider)), |out| out.write_all(mesh.as_bytes()))?;
     }
-    let [text, materials, picture] = ["obj", "mtl", "png"].map(|ending| format!("{}_skin.{ending}", rigid.name));
-    files.write(format!("meshes/{text}"), |out| out.write_all(skin(rigid.skin, &materials).as_bytes()))?;
-    files.write(format!("meshes/{materials}"), |out| out.write_all(skin_material(&picture).as_bytes()))?;
-    files.write(format!("meshes/{picture}"), |out| out.write_all(&png(&rigid.skin.picture)?))
+    for (name, shown) in rigid.skins() {
+        let [text, materials, picture] = ["obj", "mtl", "png"].map(|ending| format!("{name}_skin.{ending}"));
+        files.write(format!("meshes/{text}"), |out| out.write_all(skin(shown, &materials).as_bytes()))?;
+        files.write(format!("meshes/{materials}"), |out| out.write_all(skin_material(&picture).as_bytes()))?;
+        files.write(format!("meshes/{picture}"), |out| out.write_all(&png(&shown.picture)?))?;
+    }
+    Ok(())
 }

@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use super::format::{Format, Frame, names};
+use super::format::{self, Format, Frame};
+use super::names::{self, within};
 use super::placement::Axes;
 use super::{ExportError, Exported, File, Files, Model, Shared, body_name, friction_range, restitution};
 use crate::config::in_json;
@@ -65,6 +66,8 @@ pub struct ObjectSummary {
 #[derive(Debug, Clone, Serialize)]
 struct PartSummary {
     part: u32,
+    /// In all formats.
+    name: String,
     caption: String,
     material: String,
     mass_kg: Option<Estimate>,
@@ -100,6 +103,7 @@ impl PartSummary {
         let weighed = model.parts.and_then(|parts| parts.of_label(label.id));
         Self {
             part: label.id,
+            name: within(&body_name(model.name), &names::of_parts(&model.field.labels)[&label.id]),
             caption: label.caption.clone(),
             material: label.material.clone(),
             mass_kg: weighed.and_then(|part| part.mass_kg),
@@ -129,7 +133,7 @@ struct Summary<'a> {
 struct FileSummary<'a> {
     path: String,
     bytes: u64,
-    #[serde(serialize_with = "names")]
+    #[serde(serialize_with = "format::names")]
     formats: &'a [Format],
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use tracing::warn;
 
 use crate::error::Result;
-use crate::export::{self, Asset, Colliders, Counterface, Exported, Format, Formats, Model, Origin};
+use crate::export::{self, Asset, Colliders, Counterface, Exported, Format, Formats, Links, Model, Origin};
 use crate::grasp::GraspError;
 use crate::grasp::candidates::Candidate;
 use crate::units::MetricScale;
@@ -31,13 +31,16 @@ pub struct ExportOptions<'a> {
     pub at: [f64; 3],
     /// Whether a URDF's object hangs on a floating joint.
     pub floating: bool,
+    pub links: Links,
+    /// Names of the geoms of a gripper's pads, for MJCF.
+    pub pad_geoms: &'a [String],
     /// The surface with which frictions are.
     pub friction: Counterface,
 }
 
 /// Writes the object into `folder` once the parts are done.
 pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Exported> {
-    let ExportOptions { formats, colliders, samples, origin, at, floating, friction } = *options;
+    let ExportOptions { formats, colliders, samples, origin, at, floating, links, pad_geoms, friction } = *options;
     let has_grasps = formats.may_be(Format::has_grasps);
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
@@ -67,6 +70,8 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
         origin,
         at: at.into(),
         floating,
+        links,
+        pad_geoms,
         source: &source,
         answered_by: &answered_by,
         inputs: &open.scene.files,

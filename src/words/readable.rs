@@ -32,9 +32,9 @@ pub fn significant(value: f64) -> String {
 /// A number of bytes with its decimal unit.
 pub fn bytes(count: u64) -> String {
     let (factor, unit) = match count {
-        ..1000 => (1.0, "B"),
-        ..1_000_000 => (1e3, "kB"),
-        ..1_000_000_000 => (1e6, "MB"),
+        0..1000 => (1.0, "B"),
+        1000..1_000_000 => (1e3, "kB"),
+        1_000_000..1_000_000_000 => (1e6, "MB"),
         _ => (1e9, "GB"),
     };
     format!("{} {unit}", significant(count as f64 / factor))

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gprop::export::{Asset, Colliders, ExportError, Format, Model, Origin, export};
+use gprop::export::{Asset, Colliders, ExportError, Format, Links, Model, Origin, export};
 use gprop::files::read_scope::ReadScope;
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{Options, PartsResult, parts_of_mesh};
@@ -114,6 +114,8 @@ impl Weighed {
             origin: Origin::Input,
             at: Vector3::zeros(),
             floating: false,
+            links: Links::One,
+            pad_geoms: &[],
             source: "box.glb",
             answered_by: &[],
             inputs: &self.scene.files,

@@ -2,6 +2,8 @@
 
 // The mesh itself again, with its physics.
 mod asset;
+// Each part as a link of its own; pairs with a gripper's pads; names.
+mod links;
 // The origin and place of an object; SDF; friction on steel.
 mod placement;
 // All formats at once, their list, and the file that says what was written.
@@ -14,7 +16,7 @@ use std::process::Command;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use clap::ValueEnum;
-use gprop::export::{ExportError, Format, Model, Origin, export};
+use gprop::export::{ExportError, Format, Links, Model, Origin, export};
 use gprop::gaussians::Gaussians;
 use gprop::grasp::Reason;
 use gprop::grasp::candidates::Candidate;
@@ -46,6 +48,8 @@ fn model(measured: &Measured) -> Model<'_> {
         origin: Origin::Input,
         at: Vector3::zeros(),
         floating: false,
+        links: Links::One,
+        pad_geoms: &[],
         source: "point_cloud.ply",
         answered_by: &[],
         inputs: &[],

@@ -3,6 +3,8 @@
 mujoco_check.py load MODEL...                  mass, centre of mass, inertia of the object
 mujoco_check.py rest MODEL...                  how it moves after a fall of 2 cm on a plane
 mujoco_check.py table SCENE...                 mass, and how far it is moved and turned 2 s later, of each free body of a scene
+mujoco_check.py whole MODEL...                 mass, centre of mass, inertia of all bodies together, their names and geoms
+mujoco_check.py pads MODEL PADS                what the contacts of two pads with the object have, without and with the file PADS
 mujoco_check.py contacts SCENE...              how many contacts there are before anything moves
 mujoco_check.py lift MODEL GRASP.json          how far two pads raise it; GRASP: contacts_m, approach, finger_side_m, force_n
 """
@@ -79,6 +81,51 @@ def load(path):
         "geoms": int(model.ngeom),
         "total_mass_kg": float(np.sum(model.body_mass)),
     }
+
+
+def whole(path):
+    model = compiled(path)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    masses = model.body_mass
+    center = masses @ data.xipos / masses.sum()
+    inertia = np.zeros((3, 3))
+    for body in range(model.nbody):
+        turn, offset = data.ximat[body].reshape(3, 3), data.xipos[body] - center
+        own = turn @ np.diag(model.body_inertia[body]) @ turn.T
+        inertia += own + masses[body] * (offset @ offset * np.eye(3) - np.outer(offset, offset))
+    return {
+        "mass_kg": float(masses.sum()),
+        "center_of_mass_m": center.tolist(),
+        "inertia_kg_m2": inertia.tolist(),
+        "bodies": [model.body(body).name for body in range(1, model.nbody)],
+        "geoms": [model.geom(geom).name for geom in range(model.ngeom)],
+        "free_joints": int(np.sum(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)),
+        "joints": model.njnt,
+    }
+
+
+def pads(path, of_pads):
+    """Pads with a friction of 1 that overlap the object."""
+    model = compiled(path)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    at = " ".join(map(str, data.xipos[object_body(model)]))
+    box = lambda name: f'<geom name="{name}" type="box" size="0.02 0.02 0.02" pos="{at}" friction="1 0.005 0.0001"/>'
+    found = []
+    for files in ([path], [path, of_pads]):
+        includes = "".join(f'<include file="{os.path.basename(file)}"/>' for file in files)
+        text = f'<mujoco>{includes}<worldbody>{box("left_pad")}{box("right_pad")}</worldbody></mujoco>'
+        model = from_tree(ET.fromstring(text), os.path.dirname(os.path.abspath(path)))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        found.append([contact_of(model, contact) for contact in data.contact[:data.ncon]])
+    return found
+
+
+def contact_of(model, contact):
+    names = sorted(model.geom(int(geom)).name for geom in contact.geom)
+    return {"geoms": names, "friction": contact.friction.tolist(), "condim": int(contact.dim), "solref": contact.solref.tolist()}
 
 
 def with_plane(path):
@@ -224,9 +271,11 @@ def contacts(path):
 
 if __name__ == "__main__":
     what, *paths = sys.argv[1:]
-    if what == "lift":
+    if what == "pads":
+        result = pads(*paths)
+    elif what == "lift":
         with open(paths[1]) as file:
             result = lift(paths[0], json.load(file))
     else:
-        result = [{"load": load, "rest": rest, "table": table, "contacts": contacts}[what](path) for path in paths]
+        result = [{"load": load, "whole": whole, "rest": rest, "table": table, "contacts": contacts}[what](path) for path in paths]
     print(json.dumps(result))

@@ -29,7 +29,7 @@ fn collider_box(folder: &Path, name: &str) -> (Point3<f64>, Point3<f64>) {
     let meshes = std::fs::read_dir(folder.join("meshes")).unwrap().map(|file| file.unwrap().path());
     let is_collider = |path: &Path| {
         let file = path.file_name().unwrap().to_string_lossy().into_owned();
-        file.starts_with(&format!("{name}_part")) && file.ends_with(".obj")
+        file.starts_with(&format!("{name}__")) && file.ends_with(".obj")
     };
     let mut vertices = Vec::new();
     for path in meshes.filter(|path| is_collider(path)) {

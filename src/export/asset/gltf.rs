@@ -14,6 +14,7 @@ use nalgebra::{Matrix3, Matrix4, Point3};
 use serde_json::{Value, json};
 
 use super::super::gltf::{Added, Behind, Gltf};
+use super::super::names::within;
 use super::super::{ExportError, Files, Shared, body_name, gltf_physics_material, label_of, restitution};
 use super::facts::{Facts, FileFrame};
 use super::labels::SurfaceLabels;
@@ -221,7 +222,7 @@ impl<'a> Editor<'a> {
             let mesh = json!({ "primitives": [{ "attributes": attributes, "indices": indices }] });
             self.patch.member("meshes").add(mesh);
             self.meshes += 1;
-            let name = collider.name();
+            let name = within(&body_name(shared.model.name), &collider.name);
             // A node of no scene, so that the hull is not drawn.
             let shape = self.add_node(json!({ "name": format!("{name} hull"), "mesh": self.meshes - 1 }));
             let label = label_of(&shared.model.field.labels, collider.part);

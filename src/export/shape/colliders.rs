@@ -7,6 +7,8 @@
 //! does not reach farther either. A hole stays open if a ball with twice the tolerance as its radius fits through it.
 //! Finally, the surface of every component is moved inward until its hull has the component's volume.
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point3, Vector3};
 
 use super::Solid;
@@ -46,22 +48,16 @@ const CRUMB: f64 = 5e-4;
 pub struct Collider {
     /// Id of the part.
     pub part: u32,
-    /// Its index among the part's colliders.
-    pub index: usize,
+    /// Its own name: that of the part, and its index among the part's colliders.
+    pub name: String,
     /// World frame, m.
     pub vertices: Vec<Point3<f64>>,
     /// Counter-clockwise seen from outside.
     pub triangles: Vec<[u32; 3]>,
 }
 
-impl Collider {
-    pub fn name(&self) -> String {
-        format!("part{}_{}", self.part, self.index)
-    }
-}
-
-/// The colliders of every part, ordered by part.
-pub fn colliders(solid: &Solid, meters_per_unit: f64) -> Vec<Collider> {
+/// The colliders of every part, ordered by part. `names` are those of the parts, by id.
+pub fn colliders(solid: &Solid, names: &BTreeMap<u32, String>, meters_per_unit: f64) -> Vec<Collider> {
     let clearance = Clearance::of(solid);
     let blurred = blur(&solid.grid, &solid.mask(None));
     let tolerance = (TOLERANCE * diagonal(solid)).max(LEAST_CELLS * solid.grid.cell);
@@ -69,7 +65,7 @@ pub fn colliders(solid: &Solid, meters_per_unit: f64) -> Vec<Collider> {
         let hulls = Decomposition::new(solid, part, &clearance, &blurred, tolerance).hulls();
         hulls.into_iter().enumerate().map(move |(index, hull)| Collider {
             part,
-            index,
+            name: format!("{}_{index}", names.get(&part).map_or("part", String::as_str)),
             vertices: hull.vertices.iter().map(|v| v * meters_per_unit).collect(),
             triangles: hull.triangles,
         })
@@ -401,7 +397,10 @@ mod tests {
     }
 
     fn hulls(solid: &Solid) -> Vec<Hull> {
-        colliders(solid, 1.0).into_iter().map(|c| Hull { vertices: c.vertices, triangles: c.triangles }).collect()
+        colliders(solid, &BTreeMap::new(), 1.0)
+            .into_iter()
+            .map(|c| Hull { vertices: c.vertices, triangles: c.triangles })
+            .collect()
     }
 
     /// A wall of 4 cells around a hole of 56: halves of a ring have hulls as large as the ring's.

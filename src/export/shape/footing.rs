@@ -97,7 +97,7 @@ mod tests {
 
     fn collider(points: &[Point3<f64>]) -> Collider {
         let Hull { vertices, triangles } = Hull::of(points).unwrap();
-        Collider { part: 0, index: 0, vertices, triangles }
+        Collider { part: 0, name: String::new(), vertices, triangles }
     }
 
     fn flattened(support: &SupportSurface, mut collider: Collider) -> Collider {

@@ -15,12 +15,14 @@ mod simplify;
 mod solid;
 mod surface;
 
+use std::collections::BTreeMap;
+
 use nalgebra::{Point3, Vector3};
 
-use super::Model;
+use super::{Model, names};
 use crate::gaussians::Gaussians;
 use crate::parallel;
-use crate::parts::Interior;
+use crate::parts::{Interior, OUTSIDE};
 use crate::scene::SupportSurface;
 use crate::vote::FieldLabel;
 pub use bake::Painter;
@@ -130,6 +132,14 @@ pub struct PartMesh {
     pub colors: Vec<[u8; 3]>,
 }
 
+/// What two parts share.
+#[derive(Clone, Copy, Default)]
+pub struct Contact {
+    pub faces: usize,
+    /// The sum of the middles of the faces, scene units.
+    pub sum: Vector3<f64>,
+}
+
 /// The object's cells and their colliders.
 pub struct Shape {
     solid: Solid,
@@ -148,7 +158,7 @@ impl Shape {
         meters_per_unit: f64,
     ) -> Self {
         let solid = Solid::of(interior, labels);
-        let mut colliders = colliders::colliders(&solid, meters_per_unit);
+        let mut colliders = colliders::colliders(&solid, &names::of_parts(labels), meters_per_unit);
         let footing = support.and_then(|support| Footing::of(support, meters_per_unit, &colliders));
         if let Some(footing) = &footing {
             colliders.iter_mut().for_each(|collider| footing.flatten_collider(collider));
@@ -163,6 +173,25 @@ impl Shape {
         Self { origin, ..self }
     }
 
+    pub fn meters_per_unit(&self) -> f64 {
+        self.meters_per_unit
+    }
+
+    /// By the ids of two parts, the lesser first: the faces of cells that they share.
+    pub fn contacts(&self) -> BTreeMap<(u32, u32), Contact> {
+        let Solid { grid, part } = &self.solid;
+        let mut contacts: BTreeMap<(u32, u32), Contact> = BTreeMap::new();
+        for i in (0..part.len()).filter(|i| part[*i] != OUTSIDE) {
+            for n in grid.neighbours(i).filter(|n| part[*n] != OUTSIDE && part[i] < part[*n]) {
+                let contact = contacts.entry((part[i], part[n])).or_default();
+                let [own, other] = [i, n].map(|cell| grid.center(grid.coords(cell)));
+                contact.faces += 1;
+                contact.sum += nalgebra::center(&own, &other).coords;
+            }
+        }
+        contacts
+    }
+
     /// A mesh of the object, made in scene units, in metres, with a flat underside and its own origin.
     fn finished(&self, mesh: Mesh) -> Mesh {
         let mut mesh = mesh.scaled(self.meters_per_unit);
@@ -174,11 +203,12 @@ impl Shape {
     }
 }
 
-/// The outer surface of the whole object with the splat's colours.
-pub fn skin(model: &Model, shape: &Shape) -> Skin {
+/// The outer surface of a part, or of the whole object, with the splat's colours. Where a part touches others, it has the colour of the
+/// nearest Gaussian.
+pub fn skin_of(model: &Model, shape: &Shape, part: Option<u32>) -> Skin {
     let solid = &shape.solid;
     let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
-    let mesh = simplify::simplified(surface::of(&solid.grid, &solid.mask(None)), TRIANGLES, 0.5 * solid.grid.cell);
+    let mesh = simplify::simplified(surface::of(&solid.grid, &solid.mask(part)), TRIANGLES, 0.5 * solid.grid.cell);
     let (layout, size) = atlas::layout(&mesh, &painter.triangle_colors(&mesh));
     let picture = painter.picture(&mesh, &layout, size);
     let uv = layout.iter().map(|tile| tile.uv(size)).collect();

@@ -8,6 +8,7 @@ use serde_json::{Value, json};
 
 use super::super::gltf::Gltf;
 use super::super::gltf_splat;
+use super::super::names::within;
 use super::super::placement::Axes;
 use super::super::{ExportError, Files, gltf_physics_material, identifier};
 use super::{Body, BodyCollider, Square, Table};
@@ -84,7 +85,8 @@ impl Scene {
             inertia: Some(Matrix3::from_fn(|row, column| body.inertia_kg_m2[row][column])),
         };
         statement.state(&mut motion);
-        let colliders: Vec<usize> = body.colliders.iter().map(|collider| self.add_collider(collider)).collect();
+        let colliders: Vec<usize> =
+            body.colliders.iter().map(|collider| self.add_collider(&body.name, collider)).collect();
         let node = self.gltf.node_mut(root);
         node["extensions"] = json!({ EXTENSION: { "motion": motion.into_value() } });
         if let Some(children) = node["children"].as_array_mut() {
@@ -94,9 +96,10 @@ impl Scene {
     }
 
     /// A node that collides as the hull of a mesh that is not drawn.
-    fn add_collider(&mut self, BodyCollider { shape, friction, restitution }: &BodyCollider) -> usize {
+    fn add_collider(&mut self, object: &str, BodyCollider { shape, friction, restitution }: &BodyCollider) -> usize {
+        let name = within(object, &shape.name);
         let mesh = self.add_mesh(&shape.vertices, &shape.triangles, &json!({}));
-        let hull = self.gltf.node(json!({ "name": format!("{} hull", shape.name()), "mesh": mesh }));
+        let hull = self.gltf.node(json!({ "name": format!("{name} hull"), "mesh": mesh }));
         let material = gltf_physics_material(*friction, *restitution);
         let index = self.materials.iter().position(|known| *known == material).unwrap_or_else(|| {
             self.materials.push(material);
@@ -104,7 +107,7 @@ impl Scene {
         });
         let collider =
             json!({ "collider": { "geometry": { "node": hull, "convexHull": true }, "physicsMaterial": index } });
-        self.gltf.node(json!({ "name": shape.name(), "extensions": { EXTENSION: collider } }))
+        self.gltf.node(json!({ "name": name, "extensions": { EXTENSION: collider } }))
     }
 
     /// The slab, which collides and does not move.

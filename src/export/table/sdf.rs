@@ -5,6 +5,9 @@
 
 use std::fmt::Write;
 
+use nalgebra::{Matrix3, Vector3};
+
+use super::super::names::within;
 use super::super::{ExportError, Files, spaced};
 use super::{Body, BodyCollider, Table};
 use crate::units::GRAVITY_M_S2;
@@ -63,30 +66,77 @@ fn write_support(text: &mut String, table: &Table) {
 }
 
 pub fn write_body(text: &mut String, body: &Body) {
-    let Body { name, place_m, mass_kg, center_m, inertia_kg_m2: i, colliders } = body;
+    let Body { name, place_m, mass_kg, center_m, inertia_kg_m2, colliders } = body;
+    open_model(text, name, place_m);
+    let collider = |BodyCollider { shape, friction, restitution }: &BodyCollider| LinkCollider {
+        name: within(name, &shape.name),
+        friction: *friction,
+        restitution: *restitution,
+    };
+    let link = Link {
+        name,
+        origin: Vector3::zeros(),
+        mass_kg: *mass_kg,
+        center_m: (*center_m).into(),
+        inertia: Matrix3::from_fn(|row, column| inertia_kg_m2[row][column]),
+        colliders: colliders.iter().map(collider).collect(),
+    };
+    write_link(text, &link);
+    text.push_str("    </model>\n");
+}
+
+pub fn open_model(text: &mut String, name: &str, place_m: &Vector3<f64>) {
+    let place = spaced(place_m.iter().copied());
+    let _ = write!(text, "    <model name=\"{name}\">\n      <pose>{place} 0 0 0</pose>\n");
+}
+
+/// A link of a model.
+pub struct Link<'a> {
+    pub name: &'a str,
+    /// Where its own axes are in those of the model, in which all else is.
+    pub origin: Vector3<f64>,
+    pub mass_kg: f64,
+    pub center_m: Vector3<f64>,
+    pub inertia: Matrix3<f64>,
+    pub colliders: Vec<LinkCollider>,
+}
+
+/// A collider, whose mesh is called like it.
+pub struct LinkCollider {
+    pub name: String,
+    pub friction: f64,
+    pub restitution: Option<f64>,
+}
+
+pub fn write_link(text: &mut String, link: &Link) {
+    let Link { name, origin, mass_kg, center_m, inertia: i, colliders } = link;
+    let pose = |at: Vector3<f64>| {
+        if at == Vector3::zeros() {
+            String::new()
+        } else {
+            format!("<pose>{} 0 0 0</pose>", spaced(at.iter().copied()))
+        }
+    };
+    let (placed, back) = (pose(*origin), pose(-origin));
     let _ = write!(
         text,
-        r#"    <model name="{name}">
-      <pose>{place} 0 0 0</pose>
-      <link name="{name}">
-        <inertial>
+        r#"      <link name="{name}">
+        {placed}<inertial>
           <pose>{center} 0 0 0</pose>
           <mass>{mass_kg}</mass>
           <inertia><ixx>{}</ixx><ixy>{}</ixy><ixz>{}</ixz><iyy>{}</iyy><iyz>{}</iyz><izz>{}</izz></inertia>
         </inertial>
-        <visual name="skin"><geometry><mesh><uri>meshes/{name}_skin.obj</uri></mesh></geometry></visual>
+        <visual name="{name}_skin">{back}<geometry><mesh><uri>meshes/{name}_skin.obj</uri></mesh></geometry></visual>
 "#,
-        i[0][0],
-        i[0][1],
-        i[0][2],
-        i[1][1],
-        i[1][2],
-        i[2][2],
-        place = spaced(place_m.iter().copied()),
-        center = spaced(*center_m),
+        i[(0, 0)],
+        i[(0, 1)],
+        i[(0, 2)],
+        i[(1, 1)],
+        i[(1, 2)],
+        i[(2, 2)],
+        center = spaced((center_m - origin).iter().copied()),
     );
-    for BodyCollider { shape, friction, restitution } in colliders {
-        let collider = shape.name();
+    for LinkCollider { name, friction, restitution } in colliders {
         let bounce = restitution.map_or_else(String::new, |restitution| {
             format!(
                 "<bounce><restitution_coefficient>{restitution}</restitution_coefficient><threshold>{BOUNCE_THRESHOLD_M_S}</threshold></bounce>"
@@ -94,12 +144,12 @@ pub fn write_body(text: &mut String, body: &Body) {
         });
         let _ = write!(
             text,
-            r#"        <collision name="{collider}">
-          <geometry><mesh><uri>meshes/{name}_{collider}.obj</uri><drake:declare_convex/></mesh></geometry>
+            r#"        <collision name="{name}">
+          {back}<geometry><mesh><uri>meshes/{name}.obj</uri><drake:declare_convex/></mesh></geometry>
           <surface>{bounce}<friction><ode><mu>{friction}</mu><mu2>{friction}</mu2></ode></friction></surface>
         </collision>
 "#
         );
     }
-    text.push_str("      </link>\n    </model>\n");
+    text.push_str("      </link>\n");
 }

@@ -1,6 +1,6 @@
 //! The Gaussians as `UsdVol.ParticleField3DGaussianSplat` (OpenUSD 26.03 and later): positions and standard deviations
 //! in metres, unit quaternions, opacities from 0 to 1, and spherical harmonics, one colour for each coefficient of each
-//! Gaussian. Each that belongs to a part has its number as the primvar `part`; the part's properties are in the material `partN`.
+//! Gaussian. Each that belongs to a part has its number as the primvar `part`; its material, which is called like the part, has the part's properties.
 
 use std::fmt::Write;
 

@@ -5,11 +5,12 @@ use std::fmt::Write;
 use nalgebra::Point3;
 
 use super::text::{extent, list, quoted, rounded, triple, tuple};
+use crate::export::shape::Skin;
 use crate::export::{Collider, Rigid, label_of};
 
 /// The visual mesh, with a subset and a material for each part.
-pub fn write_skin(text: &mut String, rigid: &Rigid) {
-    let (name, skin) = (&rigid.name, &rigid.skin);
+pub fn write_skin(text: &mut String, rigid: &Rigid, skin: &Skin) {
+    let name = &rigid.name;
     let normals = list(skin.mesh.shading_normals().into_iter().map(|n| tuple([n.x, n.y, n.z], 6)));
     // Enough for the pixels of any picture.
     let uv = list(skin.uv.iter().flatten().map(|uv| tuple(*uv, 5)));
@@ -33,7 +34,11 @@ pub fn write_skin(text: &mut String, rigid: &Rigid) {
     parts.sort_unstable();
     parts.dedup();
     if let Some(first) = parts.first() {
-        let _ = writeln!(text, "        rel material:binding = </{name}/materials/part{first}>");
+        let _ = writeln!(
+            text,
+            "        rel material:binding = </{name}/materials/{first}>",
+            first = rigid.part_name(*first)
+        );
     }
     for part in parts {
         let own = (0..skin.part.len()).filter(|t| skin.part[*t] == part);
@@ -41,7 +46,7 @@ pub fn write_skin(text: &mut String, rigid: &Rigid) {
         let _ = write!(
             text,
             r#"
-        def GeomSubset "part{part}" (
+        def GeomSubset "{part}" (
             prepend apiSchemas = ["MaterialBindingAPI", "SemanticsLabelsAPI:class"]
             displayName = {caption}
         )
@@ -49,10 +54,11 @@ pub fn write_skin(text: &mut String, rigid: &Rigid) {
             uniform token elementType = "face"
             uniform token familyName = "materialBind"
             int[] indices = {indices}
-            rel material:binding = </{name}/materials/part{part}>
+            rel material:binding = </{name}/materials/{part}>
             token[] semantics:labels:class = [{caption}]
         }}
 "#,
+            part = rigid.part_name(part),
             caption = quoted(&label.caption),
             indices = list(own.map(|t| t.to_string())),
         );
@@ -60,13 +66,13 @@ pub fn write_skin(text: &mut String, rigid: &Rigid) {
     text.push_str("    }\n\n");
 }
 
-pub fn write_colliders(text: &mut String, rigid: &Rigid) {
+pub fn write_colliders<'a>(text: &mut String, rigid: &Rigid, colliders: impl Iterator<Item = &'a Collider>) {
     text.push_str("    def Scope \"colliders\"\n    {\n");
-    rigid.colliders.iter().for_each(|collider| write_collider(text, &rigid.name, collider));
+    colliders.for_each(|collider| write_collider(text, rigid, collider));
     text.push_str("    }\n\n");
 }
 
-fn write_collider(text: &mut String, object: &str, collider: &Collider) {
+fn write_collider(text: &mut String, rigid: &Rigid, collider: &Collider) {
     let _ = write!(
         text,
         r#"        def Mesh "{name}" (
@@ -78,15 +84,16 @@ fn write_collider(text: &mut String, object: &str, collider: &Collider) {
             )
             uniform token physics:approximation = "convexHull"
             uniform token purpose = "guide"
-            rel material:binding:physics = </{object}/materials/part{part}> (
+            rel material:binding:physics = </{object}/materials/{part}> (
                 bindMaterialAs = "weakerThanDescendants"
             )
         }}
 "#,
-        name = collider.name(),
+        name = rigid.collider_name(collider),
         topology = topology(&collider.vertices, &collider.triangles),
         normals = list(collider.triangles.iter().map(|t| face_normal(&collider.vertices, *t))),
-        part = collider.part,
+        object = rigid.name,
+        part = rigid.part_name(collider.part),
     );
 }
 

@@ -7,6 +7,9 @@
 //! - `splat`, the Gaussians as `ParticleField3DGaussianSplat`,
 //! - `grasps`, a line from finger to finger for each place to grasp at.
 //!
+//! If each part is a link, `skin`, `colliders` and `splat` are under the rigid body of each, the places to grasp at under that of the
+//! heaviest, and joints fix the links.
+//!
 //! The variant set `appearance` chooses whether `skin` or `splat` is visible. Metres, kilograms, z up.
 
 pub(super) mod gaussians;
@@ -27,22 +30,26 @@ use text::{extent, head, quoted, triple};
 /// Wikidata's item "physical object": gprop does not know what kind of thing it measured.
 const QCODE: &str = "Q223557";
 
-/// The layer as text, with its picture and thumbnail beside it.
+/// The layer as text, with its pictures and thumbnail beside it.
 pub(super) fn write_usda(model: &Model, rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     let (name, stage) = (&rigid.name, stage(model, rigid));
     files.write(format!("{name}/usd/{name}.usda"), |out| out.write_all(stage.as_bytes()))?;
-    files.write(format!("{name}/usd/textures/{name}.png"), |out| out.write_all(&obj::png(&rigid.skin.picture)?))?;
+    for (of, skin) in rigid.skins() {
+        files.write(format!("{name}/usd/textures/{of}.png"), |out| out.write_all(&obj::png(&skin.picture)?))?;
+    }
     write_thumbnail(model, rigid, &format!("{name}/usd/.thumbs/256x256/{name}.usda.png"), files)
 }
 
-/// The layer and its picture in one file, with a thumbnail beside it.
+/// The layer and its pictures in one file, with a thumbnail beside it.
 pub(super) fn write_usdz(model: &Model, rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     let (name, stage) = (&rigid.name, stage(model, rigid));
     files.write(format!("{name}/usdz/{name}.usdz"), |out| {
-        let picture = obj::png(&rigid.skin.picture)?;
         // The first file is the root layer.
-        let contents =
-            [(format!("{name}.usda"), stage.as_bytes()), (format!("textures/{name}.png"), picture.as_slice())];
+        let mut contents = vec![(format!("{name}.usda"), stage.into_bytes())];
+        for (of, skin) in rigid.skins() {
+            contents.push((format!("textures/{of}.png"), obj::png(&skin.picture)?));
+        }
+        let contents: Vec<(String, &[u8])> = contents.iter().map(|(name, bytes)| (name.clone(), &bytes[..])).collect();
         out.write_all(&package::usdz(&contents)?)
     })?;
     write_thumbnail(model, rigid, &format!("{name}/usdz/.thumbs/256x256/{name}.usdz.png"), files)
@@ -58,7 +65,7 @@ fn stage(model: &Model, rigid: &Rigid) -> String {
     let mut text = format!(
         r#"{head}
 def Xform "{name}" (
-    prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI", "SemanticsLabelsAPI:class", "SemanticsLabelsAPI:wikidata_qcode"]
+    prepend apiSchemas = [{physics}, "SemanticsLabelsAPI:class", "SemanticsLabelsAPI:wikidata_qcode"]
     kind = "component"
     prepend variantSets = "appearance"
     variants = {{
@@ -73,17 +80,9 @@ def Xform "{name}" (
 
     variantSet "appearance" = {{
         "skin" {{
-            over "splat"
-            {{
-                token visibility = "invisible"
-            }}
-        }}
+{without_splat}        }}
         "splat" {{
-            over "skin"
-            {{
-                token visibility = "invisible"
-            }}
-        }}
+{without_skin}        }}
     }}
 
 "#,
@@ -92,7 +91,14 @@ def Xform "{name}" (
             let (low, high) = rigid.extent();
             extent([low, high].into_iter().map(Into::into))
         },
-        mass = physics::mass(rigid),
+        physics = if rigid.links.is_empty() {
+            r#""PhysicsRigidBodyAPI", "PhysicsMassAPI""#
+        } else {
+            r#""PhysicsArticulationRootAPI""#
+        },
+        mass = if rigid.links.is_empty() { physics::mass(rigid) } else { String::new() },
+        without_splat = hidden(rigid, "splat"),
+        without_skin = hidden(rigid, "skin"),
         moved = if rigid.placement.place() == Vector3::zeros() {
             String::new()
         } else {
@@ -103,12 +109,78 @@ def Xform "{name}" (
         },
     );
     physics::write_materials(&mut text, rigid);
-    meshes::write_skin(&mut text, rigid);
-    meshes::write_colliders(&mut text, rigid);
-    gaussians::write(&mut text, &model.splat(&rigid.placement), &rigid.name);
-    grasps::write(&mut text, rigid);
+    if rigid.links.is_empty() {
+        meshes::write_skin(&mut text, rigid, rigid.skin);
+        meshes::write_colliders(&mut text, rigid, rigid.colliders.iter());
+        gaussians::write(&mut text, &model.splat(&rigid.placement), &rigid.name);
+        grasps::write(&mut text, rigid);
+    }
+    for n in 0..rigid.links.len() {
+        write_link(&mut text, model, rigid, n);
+    }
     text.push_str("}\n");
     text
+}
+
+/// Hides the prim of this name of the object or of each link.
+fn hidden(rigid: &Rigid, prim: &str) -> String {
+    let over = format!(
+        "            over \"{prim}\"\n            {{\n                token visibility = \"invisible\"\n            }}\n"
+    );
+    if rigid.links.is_empty() {
+        return over;
+    }
+    rigid
+        .links
+        .iter()
+        .map(|link| format!("            over \"{}\"\n            {{\n{over}            }}\n", link.name))
+        .collect()
+}
+
+/// A link as a rigid body with what belongs to it, in the object's axes, and the joint that fixes it.
+fn write_link(text: &mut String, model: &Model, rigid: &Rigid, n: usize) {
+    let link = &rigid.links[n];
+    let _ = write!(
+        text,
+        "    def Xform \"{}\" (\n        prepend apiSchemas = [\"PhysicsRigidBodyAPI\", \"PhysicsMassAPI\"]\n    )\n    {{\n{}\n",
+        link.name,
+        physics::of_inertial(&link.inertial),
+    );
+    meshes::write_skin(text, rigid, &link.skin);
+    meshes::write_colliders(text, rigid, rigid.colliders_of(n));
+    let is_other = |part: u32| rigid.links.iter().any(|other| other.name != link.name && other.parts.contains(&part));
+    // A Gaussian of a part without a link goes with the root.
+    let kept: Vec<bool> =
+        model.field.part_ids().map(|part| link.parts.contains(&part) || n == 0 && !is_other(part)).collect();
+    let (mut gaussians, mut field) = (model.gaussians.clone(), model.field.clone());
+    gaussians.retain(&kept);
+    field.retain(&kept);
+    let own = Model { gaussians: &gaussians, field: &field, ..*model };
+    gaussians::write(text, &own.splat(&rigid.placement), &rigid.name);
+    if n == 0 {
+        grasps::write(text, rigid);
+    }
+    text.push_str("    }\n\n");
+    if let Some(parent) = link.parent {
+        let at = triple(link.joint.into());
+        let _ = write!(
+            text,
+            r#"    def PhysicsFixedJoint "{name}_fixed"
+    {{
+        rel physics:body0 = </{object}/{parent}>
+        rel physics:body1 = </{object}/{name}>
+        point3f physics:localPos0 = {at}
+        point3f physics:localPos1 = {at}
+        quatf physics:localRot0 = (1, 0, 0, 0)
+        quatf physics:localRot1 = (1, 0, 0, 0)
+    }}
+
+"#,
+            name = link.name,
+            object = rigid.name,
+            parent = rigid.links[parent].name,
+        );
+    }
 }
 
 /// The metadata that SimReady's validators require of an asset.
@@ -132,7 +204,7 @@ fn metadata(rigid: &Rigid) -> String {
     }
     let _ = writeln!(text, "            float3 asset_extents = {}", triple((high - low).into()));
     let _ = writeln!(text, "            double mass = {}", rigid.parts.object.mass_kg.mid);
-    let _ = writeln!(text, "            int rigid_body_count = 1");
+    let _ = writeln!(text, "            int rigid_body_count = {}", rigid.links.len().max(1));
     text.push_str("            dictionary validation = {\n");
     text.push_str("                string profile = \"Robotics-Prop\"\n");
     text.push_str("                string profile_version = \"4.0.0\"\n");

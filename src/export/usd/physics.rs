@@ -6,22 +6,29 @@ use std::fmt::Write;
 use nalgebra::Matrix3;
 
 use super::text::{quoted, triple};
+use crate::export::links::Inertial;
 use crate::export::{Rigid, friction, restitution};
 use crate::numeric::principal_axes;
 use crate::vote::FieldLabel;
 
 /// The attributes of the rigid body's mass.
 pub fn mass(rigid: &Rigid) -> String {
-    let (mass, center, inertia) = rigid.inertial();
+    let (mass_kg, center, inertia) = rigid.inertial();
     let inertia = Matrix3::from_fn(|row, column| inertia[row][column]);
-    let (diagonal, axes) = principal_axes(&inertia).unwrap_or_default();
+    of_inertial(&Inertial { mass_kg, center_m: center.into(), inertia })
+}
+
+/// The attributes of these mass properties.
+pub fn of_inertial(Inertial { mass_kg, center_m, inertia }: &Inertial) -> String {
+    let (diagonal, axes) = principal_axes(inertia).unwrap_or_default();
     format!(
         r"    point3f physics:centerOfMass = {center}
     float3 physics:diagonalInertia = {diagonal}
     float physics:mass = {mass}
     quatf physics:principalAxes = ({w}, {i}, {j}, {k})
 ",
-        center = triple(center),
+        center = triple((*center_m).into()),
+        mass = mass_kg,
         diagonal = triple(diagonal.into()),
         w = axes.w,
         i = axes.i,
@@ -40,12 +47,15 @@ pub fn write_materials(text: &mut String, rigid: &Rigid) {
 
 fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldLabel) {
     let name = &rigid.name;
-    let path = format!("/{name}/materials/part{}", label.id);
+    let part = rigid.part_name(label.id);
+    let path = format!("/{name}/materials/{part}");
+    // Each link has a picture of its own.
+    let picture = rigid.links.iter().find(|link| link.parts.contains(&label.id)).map_or(name, |link| &link.name);
     let bounce = restitution(label)
         .map_or_else(String::new, |restitution| format!("\n            float physics:restitution = {restitution}"));
     let _ = write!(
         text,
-        r#"        def Material "part{id}" (
+        r#"        def Material "{part}" (
             prepend apiSchemas = ["PhysicsMaterialAPI", "SemanticsLabelsAPI:material"]
             doc = {doc}
         )
@@ -68,7 +78,7 @@ fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldLabel) {
             def Shader "picture"
             {{
                 uniform token info:id = "UsdUVTexture"
-                asset inputs:file = @./textures/{name}.png@
+                asset inputs:file = @./textures/{picture}.png@
                 token inputs:sourceColorSpace = "sRGB"
                 float2 inputs:st.connect = <{path}/place.outputs:result>
                 token inputs:wrapS = "clamp"
@@ -84,7 +94,6 @@ fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldLabel) {
             }}
         }}
 "#,
-        id = label.id,
         doc = quoted(&format!("{}: {}", label.material, label.caption)),
         density = label.density_kg_m3.mid,
         friction = friction(label, rigid.on_steel),

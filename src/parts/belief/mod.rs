@@ -66,6 +66,9 @@ impl Believed {
     /// Gives `parts` what is believed: the mass of the object, and the intervals of parts and fillings, whose middles add up to it
     /// with what no part shows. `labels` are those by whose index the masses are.
     pub fn give(self, parts: &mut Parts, labels: &[FieldLabel]) {
+        // What is believed of the whole is spread over it as its parts are.
+        let factor = self.mass_kg.mid / parts.object.mass_kg.mid;
+        parts.object.inertia_kg_m2.iter_mut().flatten().for_each(|moment| *moment *= factor);
         parts.object.mass_kg = self.mass_kg;
         let masses_of = |id: u32| labels.iter().position(|label| label.id == id).map(|label| &self.masses[label]);
         let wider = |mass: Estimate, of: Estimate, share: f64| {

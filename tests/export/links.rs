@@ -1,0 +1,248 @@
+//! `--links parts`, `--pad-geom` and the names of things.
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
+use gprop::export::{Format, Links, Model, export};
+use gprop::parts::{Filling, Object, Parts};
+use gprop::units::Estimate;
+use nalgebra::{Matrix3, Vector3};
+use serde_json::{Value, json};
+use tempfile::TempDir;
+
+use super::{Rigid, assert_same_body, listed, mujoco, numbers, python};
+use crate::grasp::scenes::Measured;
+use crate::run::gprop;
+use crate::support::{python_has, shared_folder};
+
+const FORMATS: [Format; 4] = [Format::Mjcf, Format::Urdf, Format::Sdf, Format::Usda];
+
+/// The hammer with a link for each part, written once for all tests. The sleeve is filled with something, and all of it is believed to
+/// be half as heavy again as its parts and the filling together.
+struct Linked {
+    out: PathBuf,
+    parts: Parts,
+}
+
+const FILLING_KG: f64 = 0.1;
+const BELIEVED: f64 = 1.5;
+
+impl Linked {
+    fn get() -> &'static Self {
+        static LINKED: OnceLock<Linked> = OnceLock::new();
+        LINKED.get_or_init(|| {
+            let (measured, out) = (Measured::small(), shared_folder("export/links"));
+            let mut parts = measured.parts().clone();
+            let first = parts.parts[0].clone();
+            let mass = Estimate::exactly(FILLING_KG);
+            parts.fillings.push(Filling {
+                inside_of: first.id,
+                caption: "sand".to_owned(),
+                filling: "sand".to_owned(),
+                unseen: true,
+                share_of_hollow: Estimate::exactly(1.0),
+                volume_m3: Estimate::exactly(1e-5),
+                density_kg_m3: Estimate::exactly(1e4),
+                mass_kg: mass,
+                width: Vec::new(),
+                center_of_mass_m: first.center_of_mass_m.unwrap(),
+                inertia_kg_m2: [[1e-5, 0.0, 0.0], [0.0, 1e-5, 0.0], [0.0, 0.0, 1e-5]],
+            });
+            let object = &mut parts.object;
+            object.mass_kg = Estimate::exactly((object.mass_kg.mid + FILLING_KG) * BELIEVED);
+            let model = Model { links: Links::Parts, parts: Some(&parts), ..super::model(measured) };
+            export(&model, &FORMATS, &out).unwrap();
+            Self { out, parts }
+        })
+    }
+}
+
+/// The texts between two marks.
+fn between(text: &str, before: &str) -> Vec<String> {
+    text.split(before).skip(1).map(|rest| rest.split('"').next().unwrap().to_owned()).collect()
+}
+
+#[test]
+fn links_together_are_the_one_body() {
+    if !python_has("links_together_are_the_one_body", "mujoco", "mujoco") {
+        return;
+    }
+    let Linked { out, parts } = Linked::get();
+    let file = out.join("hammer.xml");
+    let found = &listed(mujoco("whole", &[&file]))[0];
+    println!("{found}");
+    // All bodies, by the parallel axis theorem.
+    let bodies: Vec<(f64, Vector3<f64>, Matrix3<f64>)> = parts
+        .by_label()
+        .map(|part| (part.mass_kg.unwrap().mid, part.center_of_mass_m.unwrap(), part.inertia_kg_m2.unwrap()))
+        .chain(
+            parts.fillings.iter().map(|filling| (filling.mass_kg.mid, filling.center_of_mass_m, filling.inertia_kg_m2)),
+        )
+        .map(|(mass, center, inertia)| (mass, center.into(), Matrix3::from_fn(|row, column| inertia[row][column])))
+        .collect();
+    let mass: f64 = bodies.iter().map(|(mass, ..)| mass).sum();
+    let center = bodies.iter().map(|(mass, center, _)| center * *mass).sum::<Vector3<f64>>() / mass;
+    let about_center = |(mass, at, inertia): &(f64, Vector3<f64>, Matrix3<f64>)| {
+        let offset = at - center;
+        inertia + (Matrix3::identity() * offset.norm_squared() - offset * offset.transpose()) * *mass
+    };
+    let inertia = bodies.iter().map(about_center).sum::<Matrix3<f64>>() * BELIEVED;
+    let rows = std::array::from_fn(|row| std::array::from_fn(|column| inertia[(row, column)]));
+    assert_same_body(
+        found,
+        &Object { center_of_mass_m: center.into(), inertia_kg_m2: rows, ..parts.object.clone() },
+        1e-6,
+    );
+    assert_eq!(found["bodies"].as_array().unwrap().len(), parts.by_label().count());
+    assert_eq!((&found["free_joints"], &found["joints"]), (&json!(1), &json!(1)));
+    let rested = &listed(mujoco("rest", &[&file]))[0];
+    assert!(rested["moved_m"].as_f64().unwrap() < 0.002, "{rested}");
+}
+
+#[test]
+fn a_filling_belongs_to_the_link_of_its_shell() {
+    let Linked { out, parts } = Linked::get();
+    let urdf = fs::read_to_string(out.join("hammer.urdf")).unwrap();
+    let shell = &parts.parts[0];
+    let masses: Vec<f64> = between(&urdf, "<mass value=\"").iter().map(|mass| mass.parse().unwrap()).collect();
+    let expected = (shell.mass_kg.unwrap().mid + FILLING_KG) * BELIEVED;
+    assert!(masses.iter().any(|mass| (mass / expected - 1.0).abs() < 1e-9), "{masses:?}: {expected}");
+    assert!((masses.iter().sum::<f64>() / parts.object.mass_kg.mid - 1.0).abs() < 1e-9, "{masses:?}");
+}
+
+#[test]
+fn pybullet_loads_the_links_with_the_same_mass() {
+    if !python_has("pybullet_loads_the_links_with_the_same_mass", "pybullet", "pybullet") {
+        return;
+    }
+    let Linked { out, parts } = Linked::get();
+    let found = python("pybullet_check.py", &[&out.join("hammer.urdf"), &out.join("hammer.sdf")]);
+    let links = listed(found[0]["links"].clone());
+    let mass: f64 = links.iter().map(|link| link["mass_kg"].as_f64().unwrap()).sum();
+    assert!((mass / parts.object.mass_kg.mid - 1.0).abs() < 1e-6, "{links:?}");
+    assert_eq!(links.len(), parts.by_label().count(), "{links:?}");
+    for link in &links {
+        assert_eq!(link["shown"].as_array().unwrap().len(), 1, "{link}");
+        assert!(link["colliders"].as_u64().unwrap() > 0, "{link}");
+    }
+    // As free as one body.
+    assert!(found[0]["falls_m"].as_f64().unwrap() > 1.0, "{}", found[0]);
+    // Its base is the head, and the others are fixed to it.
+    assert_eq!(listed(found[1]["bodies"].clone()).len(), 1, "{}", found[1]);
+}
+
+#[test]
+fn usd_fixes_the_links_to_each_other() {
+    if !python_has("usd_fixes_the_links_to_each_other", "usd-core", "pxr.UsdValidation") {
+        return;
+    }
+    let (measured, Linked { out, parts }) = (Measured::small(), Linked::get());
+    let script = r#"
+import json, sys
+from pxr import Usd, UsdPhysics, UsdValidation
+stage = Usd.Stage.Open(sys.argv[1])
+bodies = [p for p in stage.Traverse() if p.HasAPI(UsdPhysics.RigidBodyAPI)]
+joints = [UsdPhysics.FixedJoint(p) for p in stage.Traverse() if p.IsA(UsdPhysics.FixedJoint)]
+validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+errors = UsdValidation.ValidationContext(validators).Validate(stage)
+print(json.dumps({
+    "masses": [UsdPhysics.MassAPI(p).GetMassAttr().Get() for p in bodies],
+    "names": [p.GetName() for p in bodies],
+    "fixed": [[str(t) for t in j.GetBody0Rel().GetTargets() + j.GetBody1Rel().GetTargets()] for j in joints],
+    "gaussians": sum(len(p.GetAttribute("positions").Get()) for p in stage.Traverse() if p.GetTypeName() == "ParticleField3DGaussianSplat"),
+    "errors": [e.GetMessage() for e in errors if e.GetType() == UsdValidation.ValidationErrorType.Error],
+}))"#;
+    let file = out.join("hammer/usd/hammer.usda");
+    let output = Command::new("python3").arg("-c").arg(script).arg(&file).output().unwrap();
+    let found: Value = crate::support::parsed(output);
+    println!("{found}");
+    let mass: f64 = numbers(&found["masses"]).iter().sum();
+    // USD keeps masses in 32 bits.
+    assert!((mass / parts.object.mass_kg.mid - 1.0).abs() < 1e-6, "{found}");
+    let count = parts.by_label().count();
+    assert_eq!(
+        (found["names"].as_array().unwrap().len(), found["fixed"].as_array().unwrap().len()),
+        (count, count - 1)
+    );
+    assert_eq!(found["gaussians"], measured.scene.gaussians.len());
+    assert_eq!(found["errors"], json!([]));
+}
+
+/// Bodies, links, geoms and prims of a thing have one name.
+#[test]
+fn names_are_the_same_in_every_format() {
+    let Linked { out, parts } = Linked::get();
+    let read = |file: &str| fs::read_to_string(out.join(file)).unwrap();
+    let sorted = |names: Vec<String>| names.into_iter().collect::<BTreeSet<_>>();
+    let (mjcf, urdf, sdf, usd) =
+        (read("hammer.xml"), read("hammer.urdf"), read("hammer.sdf"), read("hammer/usd/hammer.usda"));
+    let links = sorted(between(&mjcf, "<body name=\""));
+    assert_eq!(links.len(), parts.by_label().count());
+    assert!(links.iter().all(|name| name.starts_with("hammer__")), "{links:?}");
+    assert_eq!(sorted(between(&urdf, "<link name=\"")), links);
+    assert_eq!(sorted(between(&sdf, "<link name=\"")), links);
+    let prims = sorted(between(&usd, "def Xform \""));
+    assert_eq!(prims.difference(&links).collect::<Vec<_>>(), ["hammer"]);
+    assert_eq!(sorted(between(&usd, "def Material \"")).difference(&links).collect::<Vec<_>>(), ["splat"]);
+    let colliders = sorted(between(&urdf, "<collision name=\""));
+    assert!(
+        colliders.iter().all(|name| links.iter().any(|link| name.starts_with(&format!("{link}_")))),
+        "{colliders:?}"
+    );
+    assert_eq!(sorted(between(&sdf, "<collision name=\"")), colliders);
+    let geoms = sorted(between(&mjcf, "<geom name=\""));
+    assert!(colliders.is_subset(&geoms) && geoms.len() == colliders.len() + links.len(), "{geoms:?}");
+    assert!(colliders.is_subset(&sorted(between(&usd, "def Mesh \""))));
+    let glb = Rigid::small();
+    let nodes = |ending: &str| {
+        let bytes = fs::read(glb.file(ending)).unwrap();
+        sorted(between(&String::from_utf8_lossy(&bytes), "\"name\":\""))
+    };
+    assert_eq!(nodes(".glb").difference(&links).collect::<Vec<_>>(), ["hammer"]);
+    assert!(nodes("_colliders.glb").is_superset(&colliders));
+}
+
+/// With pads that have a friction of 1, the contact's is that of the pair.
+#[test]
+fn the_pairs_of_pads_are_what_mujoco_uses() {
+    if !python_has("the_pairs_of_pads_are_what_mujoco_uses", "mujoco", "mujoco") {
+        return;
+    }
+    let (measured, out) = (Measured::small(), TempDir::new().unwrap());
+    let pads = ["left_pad", "right_pad"].map(str::to_owned);
+    let model = Model { pad_geoms: &pads, ..super::model(measured) };
+    export(&model, &[Format::Mjcf], out.path()).unwrap();
+    let [file, of_pads] = ["hammer.xml", "hammer_pads.xml"].map(|name| out.path().join(name));
+    let found = mujoco("pads", &[&file, &of_pads]);
+    println!("{found}");
+    let own: BTreeSet<String> =
+        measured.field.labels.iter().map(|label| label.friction_rubber.mid.to_string()).collect();
+    let friction = |contact: &Value| numbers(&contact["friction"]);
+    let of_geoms = |contacts: &Value| {
+        let pads =
+            listed(contacts.clone()).into_iter().filter(|contact| contact["geoms"].to_string().contains("_pad\""));
+        pads.filter(|contact| contact["geoms"].to_string().contains("hammer__")).collect::<Vec<_>>()
+    };
+    let (without, with) = (of_geoms(&found[0]), of_geoms(&found[1]));
+    assert!(!without.is_empty() && without.iter().all(|contact| friction(contact)[0] >= 1.0), "{without:?}");
+    assert!(with.len() == without.len(), "no contact is counted twice: {with:?}");
+    for contact in &with {
+        assert!(own.contains(&friction(contact)[0].to_string()), "{contact}");
+        assert_eq!((&contact["condim"], &friction(contact)[2..]), (&json!(4), &[0.005, 0.0001, 0.0001][..]));
+    }
+    assert!(with.iter().any(|contact| friction(contact)[0] < 1.0), "{with:?}");
+}
+
+#[test]
+fn pads_without_a_name_and_links_of_several_objects_are_refused() {
+    let refused = |arguments: &[&str]| gprop().args(arguments).output().unwrap().status.code();
+    assert_eq!(refused(&["export", "scene", "--format", "mjcf", "--out", "out", "--pad-geom", "left,"]), Some(2));
+    assert_eq!(
+        refused(&["export", "scene", "--format", "mjcf", "--out", "out", "--object", "all", "--links", "parts"]),
+        Some(2)
+    );
+    assert!(!Path::new("out").exists());
+}
