@@ -119,7 +119,10 @@ fn turned(axes: Matrix3<f64>, points: &[Vector3<f64>], abouts: &[usize]) -> Matr
         for degrees in 1..90 {
             let (turned, across, up) = area(about, f64::from(degrees));
             if turned < best.0 * straight {
-                best = (turned / straight, Matrix3::from_columns(&[axes.column(about).into_owned(), across, up]));
+                let mut columns = axes;
+                columns.set_column((about + 1) % 3, &across);
+                columns.set_column((about + 2) % 3, &up);
+                best = (turned / straight, columns);
             }
         }
     }
