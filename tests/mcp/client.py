@@ -61,7 +61,7 @@ async def main():
         found["grasp"] = parsed(await client.call_tool("grasp", {"scene": "ball-0"}))["f_min_n"]
         found["mass_kg"] = parts["object"]["mass_kg"]
         exported = await client.call_tool("export", {"scene": "ball-0", "out": "model", "format": ["npz", "urdf"]})
-        found["files"] = parsed(exported)
+        found["files"] = [file["path"] for file in parsed(exported)["files"]]
         found["wood"] = parsed(await client.call_tool("materials", {"name": "white oak"}))["family"]
         try:
             await client.call_tool("inspect", {"scene": "/etc"})

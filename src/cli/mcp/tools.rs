@@ -166,7 +166,10 @@ impl Tool {
             add(name, schema, is_required);
         }
         for flag in &flags {
-            add(flag.get_long().unwrap_or_default(), schema_of(flag), flag.is_required_set());
+            let option = flag.get_long().unwrap_or_default();
+            // Only `gprop export --list` goes without, and no tool has it.
+            let is_required = flag.is_required_set() || (name, option) == ("export", "out");
+            add(option, schema_of(flag), is_required);
         }
         let schema = json!({
             "type": "object", "properties": properties, "required": required, "additionalProperties": false,
