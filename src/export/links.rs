@@ -36,7 +36,7 @@ pub struct Inertial {
 }
 
 impl Inertial {
-    fn new(mass_kg: f64, center_m: [f64; 3], inertia: [[f64; 3]; 3]) -> Self {
+    pub fn new(mass_kg: f64, center_m: [f64; 3], inertia: [[f64; 3]; 3]) -> Self {
         Self { mass_kg, center_m: center_m.into(), inertia: Matrix3::from_fn(|row, column| inertia[row][column]) }
     }
 

@@ -9,7 +9,7 @@
 
 use std::fmt::Write;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::links::Inertial;
 use super::shape::Collider;
@@ -79,11 +79,8 @@ fn body(rigid: &Rigid) -> String {
 
 /// The object as one body.
 fn write_whole(text: &mut String, rigid: &Rigid) {
-    let (mass_kg, center, inertia) = rigid.inertial();
-    let inertia = Matrix3::from_fn(|row, column| inertia[row][column]);
-    let inertial = Inertial { mass_kg, center_m: center.into(), inertia };
     open_root(text, rigid, &rigid.name);
-    write_content(text, rigid, (&rigid.name, &inertial), Vector3::zeros(), rigid.colliders.iter());
+    write_content(text, rigid, &rigid.name, &rigid.inertial(), Vector3::zeros(), rigid.colliders.iter());
     text.push_str("    </body>\n");
 }
 
@@ -97,7 +94,7 @@ fn write_link(text: &mut String, rigid: &Rigid, index: usize) {
             let _ = writeln!(text, r#"    <body name="{}" pos="{}">"#, link.name, spaced(at.iter().copied()));
         }
     }
-    write_content(text, rigid, (&link.name, &link.inertial), link.joint, rigid.colliders_of(index));
+    write_content(text, rigid, &link.name, &link.inertial, link.joint, rigid.colliders_of(index));
     let fixed = |n: &usize| rigid.links[*n].parent == Some(index);
     (0..rigid.links.len()).filter(fixed).for_each(|n| write_link(text, rigid, n));
     text.push_str("    </body>\n");
@@ -105,17 +102,21 @@ fn write_link(text: &mut String, rigid: &Rigid, index: usize) {
 
 /// A body that moves freely.
 fn open_root(text: &mut String, rigid: &Rigid, name: &str) {
-    let place = rigid.placement.place();
-    let pos =
-        if place == Vector3::zeros() { String::new() } else { format!(r#" pos="{}""#, spaced(place.iter().copied())) };
+    let pos = moved(rigid.placement.place());
     let _ = write!(text, "    <body name=\"{name}\"{pos}>\n      <freejoint name=\"{}_free\"/>\n", rigid.name);
+}
+
+/// The attribute of what is elsewhere than at the origin around it.
+fn moved(to: Vector3<f64>) -> String {
+    if to == Vector3::zeros() { String::new() } else { format!(r#" pos="{}""#, spaced(to.iter().copied())) }
 }
 
 /// What is in a body of this name, whose own origin is at `origin` in the object's axes.
 fn write_content<'a>(
     text: &mut String,
     rigid: &Rigid,
-    (name, inertial): (&str, &Inertial),
+    name: &str,
+    inertial: &Inertial,
     origin: Vector3<f64>,
     colliders: impl Iterator<Item = &'a Collider>,
 ) {
@@ -123,11 +124,7 @@ fn write_content<'a>(
     // fullinertia: xx yy zz xy xz yz.
     let inertia = spaced([i[(0, 0)], i[(1, 1)], i[(2, 2)], i[(0, 1)], i[(0, 2)], i[(1, 2)]]);
     let (center, mass) = (spaced((inertial.center_m - origin).iter().copied()), inertial.mass_kg);
-    let pos = if origin == Vector3::zeros() {
-        String::new()
-    } else {
-        format!(r#" pos="{}""#, spaced((-origin).iter().copied()))
-    };
+    let pos = moved(-origin);
     let _ = write!(
         text,
         r#"      <inertial pos="{center}" mass="{mass}" fullinertia="{inertia}"/>

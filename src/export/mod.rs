@@ -57,7 +57,7 @@ use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::{FieldLabel, MaterialField};
 pub use asset::{Asset, Colliders, below};
 pub use format::{Format, Frame, Listed, list, text};
-use links::Link;
+use links::{Inertial, Link};
 pub use placement::Origin;
 use placement::{Axes, Placement};
 use shape::{Collider, PartMesh, Shape, Skin};
@@ -602,11 +602,11 @@ impl Rigid<'_> {
         notes.map(|note| format!("<!-- {note} -->\n")).collect()
     }
 
-    /// Mass in kg, centre of mass in m, inertia about it in kg m^2 with world axes: the middle estimates.
-    fn inertial(&self) -> (f64, [f64; 3], [[f64; 3]; 3]) {
+    /// The mass properties of the whole: the middle estimates.
+    fn inertial(&self) -> Inertial {
         let object = &self.parts.object;
         let center = Vector3::from(object.center_of_mass_m) - self.placement.origin;
-        (object.mass_kg.mid, center.into(), object.inertia_kg_m2)
+        Inertial::new(object.mass_kg.mid, center.into(), object.inertia_kg_m2)
     }
 
     /// The index of the link to which a collider belongs: the root, if there are none.

@@ -9,7 +9,7 @@
 
 use std::fmt::Write;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
 use super::links::Inertial;
 use super::shape::Collider;
@@ -44,11 +44,9 @@ fn text(rigid: &Rigid) -> String {
     if rigid.links.is_empty() {
         let own_geometry =
             |mesh: &OwnMesh| format!(r#"<mesh filename="{}" scale="{}"/>"#, escaped(&mesh.file), spaced(mesh.scale));
-        let (mass_kg, center, inertia) = rigid.inertial();
-        let inertia = Matrix3::from_fn(|row, column| inertia[row][column]);
         let link = Content {
             name: &rigid.name,
-            inertial: Inertial { mass_kg, center_m: center.into(), inertia },
+            inertial: rigid.inertial(),
             shift: raised(rigid),
             visual: rigid.own_mesh.as_ref().map_or_else(|| skin(&rigid.name), own_geometry),
             colliders: rigid.colliders.iter().collect(),

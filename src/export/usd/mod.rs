@@ -96,7 +96,7 @@ def Xform "{name}" (
         } else {
             r#""PhysicsArticulationRootAPI""#
         },
-        mass = if rigid.links.is_empty() { physics::mass(rigid) } else { String::new() },
+        mass = if rigid.links.is_empty() { physics::mass(&rigid.inertial()) } else { String::new() },
         without_splat = hidden(rigid, "splat"),
         without_skin = hidden(rigid, "skin"),
         moved = if rigid.placement.place() == Vector3::zeros() {
@@ -144,7 +144,7 @@ fn write_link(text: &mut String, model: &Model, rigid: &Rigid, n: usize) {
         text,
         "    def Xform \"{}\" (\n        prepend apiSchemas = [\"PhysicsRigidBodyAPI\", \"PhysicsMassAPI\"]\n    )\n    {{\n{}\n",
         link.name,
-        physics::of_inertial(&link.inertial),
+        physics::mass(&link.inertial),
     );
     meshes::write_skin(text, rigid, &link.skin);
     meshes::write_colliders(text, rigid, rigid.colliders_of(n));

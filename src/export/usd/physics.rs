@@ -3,23 +3,14 @@
 
 use std::fmt::Write;
 
-use nalgebra::Matrix3;
-
 use super::text::{quoted, triple};
 use crate::export::links::Inertial;
 use crate::export::{Rigid, friction, restitution};
 use crate::numeric::principal_axes;
 use crate::vote::FieldLabel;
 
-/// The attributes of the rigid body's mass.
-pub fn mass(rigid: &Rigid) -> String {
-    let (mass_kg, center, inertia) = rigid.inertial();
-    let inertia = Matrix3::from_fn(|row, column| inertia[row][column]);
-    of_inertial(&Inertial { mass_kg, center_m: center.into(), inertia })
-}
-
-/// The attributes of these mass properties.
-pub fn of_inertial(Inertial { mass_kg, center_m, inertia }: &Inertial) -> String {
+/// The attributes of a rigid body's mass.
+pub fn mass(Inertial { mass_kg, center_m, inertia }: &Inertial) -> String {
     let (diagonal, axes) = principal_axes(inertia).unwrap_or_default();
     format!(
         r"    point3f physics:centerOfMass = {center}
