@@ -16,7 +16,7 @@ use gprop::materials::MaterialLibrary;
 use gprop::parts::{self, parts};
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, MetricScale, ScaleSource};
-use gprop::vote::{FieldLabel, MaterialField};
+use gprop::vote::{FieldPart, MaterialField};
 use gprop::words::progress::Progress;
 use pieces::in_pieces;
 
@@ -25,8 +25,8 @@ fn hammer() -> Scene {
     scene::load(&folder, &scene::Options::default()).expect("the fixture is a scene")
 }
 
-fn label(id: u32, density_kg_m3: f64) -> FieldLabel {
-    let mut label = FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]);
+fn label(id: u32, density_kg_m3: f64) -> FieldPart {
+    let mut label = FieldPart::of(id, &MaterialLibrary::builtin().materials()[0]);
     label.density_kg_m3 = Estimate::exactly(density_kg_m3);
     label
 }
@@ -46,7 +46,7 @@ fn bench(criterion: &mut Criterion) {
     let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance, range: None };
     let options = parts::Options::default();
     let measure_as = |gaussians: &Gaussians, field: &MaterialField| {
-        parts(gaussians, field, &cameras, &[], Some(&scale), &options, Progress::Hidden).expect("a hammer has parts")
+        parts(gaussians, field, &cameras, Some(&scale), &options, Progress::Hidden).expect("a hammer has parts")
     };
     let measure = || measure_as(&scene.gaussians, &field);
     let mut group = criterion.benchmark_group("parts");
@@ -63,8 +63,8 @@ fn bench(criterion: &mut Criterion) {
     let gripper = GripperProfile::load(&options.gripper).expect("the default gripper is built in");
     group.bench_function("grasp", |bencher| {
         bencher.iter(|| {
-            let surface = Surface::of(&scene.gaussians, &field.part_label, &cameras, 1.0);
-            grasp(black_box(weighed), &field.labels, Some(&surface), 1.0, &gripper, &options)
+            let surface = Surface::of(&scene.gaussians, &field.part_index, &cameras, 1.0);
+            grasp(black_box(weighed), &field.parts, Some(&surface), 1.0, &gripper, &options)
         });
     });
     group.finish();

@@ -8,7 +8,7 @@ use gprop::materials::MaterialLibrary;
 use gprop::report::ViewPictures;
 use gprop::scene;
 use gprop::segment::LabelMap;
-use gprop::vote::{FieldLabel, MaterialField};
+use gprop::vote::{FieldPart, MaterialField};
 
 fn bench(criterion: &mut Criterion) {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/hammer");
@@ -17,9 +17,9 @@ fn bench(criterion: &mut Criterion) {
     let (width, height) = (view.camera.intrinsics.width, view.camera.intrinsics.height);
     let map =
         LabelMap { width, height, labels: (0..width * height).map(|pixel| (pixel % width / 64) as u16).collect() };
-    let part_label = (0..scene.gaussians.len() as u32).map(|i| i % 3).collect();
+    let part_index = (0..scene.gaussians.len() as u32).map(|i| i % 3).collect();
     let material = &MaterialLibrary::builtin().materials()[0];
-    let field = MaterialField::known((1..=3).map(|id| FieldLabel::of(id, material)).collect(), part_label);
+    let field = MaterialField::known((1..=3).map(|id| FieldPart::of(id, material)).collect(), part_index);
     let draw = || ViewPictures::draw(view, &map, &scene.gaussians, &field).expect("the photo is there");
     criterion.bench_function("report/view", |bencher| bencher.iter(|| black_box(draw())));
 }

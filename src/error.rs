@@ -4,26 +4,34 @@ use std::fmt;
 
 use thiserror::Error as ThisError;
 
-/// What kind of failure an error is. The program's exit code follows from it.
+/// What kind of failure an error is. Each has its [exit code](Self::exit_code), which is part of the command-line contract.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 #[non_exhaustive]
+#[repr(u8)]
 pub enum ErrorKind {
-    /// A check found something wrong.
-    Wrong,
+    /// A check found something wrong: `gprop audit`.
+    Wrong = 1,
     /// Wrong usage or configuration: options, `gprop.toml`, an unwritable folder, no ffmpeg for an MP4.
-    Usage,
+    Usage = 2,
     /// The scene's data is bad or missing.
-    Scene,
+    Scene = 3,
     /// ONNX Runtime or a model is missing or broken.
-    Model,
+    Model = 4,
     /// An answer is missing: it is not recorded and no server is named, the model refused, or the budget is spent.
-    Answer,
+    Answer = 5,
     /// Part of a batch failed.
-    Batch,
-    /// The run was cancelled.
-    Cancelled,
+    Batch = 6,
     /// A bug in gprop.
-    Bug,
+    Bug = 70,
+    /// The run was cancelled; the code of programs that an interrupt ends.
+    Cancelled = 130,
+}
+
+impl ErrorKind {
+    /// The exit code of the program when it ends with such an error.
+    pub const fn exit_code(self) -> u8 {
+        self as u8
+    }
 }
 
 /// An error that knows its kind.

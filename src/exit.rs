@@ -1,4 +1,4 @@
-//! The exit codes, and the kind of every typed error, from which the exit code follows.
+//! How the program ends: the text of an error, and the kind of every typed error, from which the exit code follows.
 
 use crate::audit::AuditError;
 use crate::batch::BatchError;
@@ -33,45 +33,6 @@ use crate::vote::VoteError;
 use crate::words::output;
 use crate::words::progress::Cancelled;
 use crate::workdir::WorkDirError;
-
-/// The exit codes of gprop. The numbers are part of the command-line contract.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Exit {
-    /// Everything asked for was done.
-    Done = 0,
-    /// A check found something wrong: `gprop audit`.
-    Wrong = 1,
-    /// Wrong usage or configuration: flags, `gprop.toml`, an unwritable folder, no ffmpeg for an MP4.
-    Usage = 2,
-    /// The scene's data is bad or missing.
-    Scene = 3,
-    /// ONNX Runtime or a model is missing or broken.
-    Model = 4,
-    /// An answer is missing: it is not recorded and no server is named, the model refused, or the budget is spent.
-    Answer = 5,
-    /// Part of a batch failed.
-    Batch = 6,
-    /// A bug in gprop.
-    Bug = 70,
-    /// The run was cancelled; the code of programs that an interrupt ends.
-    Cancelled = 130,
-}
-
-impl From<ErrorKind> for Exit {
-    fn from(kind: ErrorKind) -> Self {
-        match kind {
-            ErrorKind::Wrong => Self::Wrong,
-            ErrorKind::Usage => Self::Usage,
-            ErrorKind::Scene => Self::Scene,
-            ErrorKind::Model => Self::Model,
-            ErrorKind::Answer => Self::Answer,
-            ErrorKind::Batch => Self::Batch,
-            ErrorKind::Cancelled => Self::Cancelled,
-            ErrorKind::Bug => Self::Bug,
-        }
-    }
-}
 
 /// The text of an error: what failed, then each cause that is not yet part of the text. One line, except for errors
 /// that list several problems.
@@ -217,12 +178,12 @@ impl Kinded for BatchError {
     }
 }
 
-/// Makes a panic end the process with [`Exit::Bug`] and a request to report it.
+/// Makes a panic end the process with [`ErrorKind::Bug`] and a request to report it.
 pub fn report_panics_as_bugs() {
     std::panic::set_hook(Box::new(|panic| {
         let report = "please report it with the command and, if you can, the scene";
         output::tell(&format!("error: gprop has a bug: {panic}\n{report}"));
-        std::process::exit(Exit::Bug as i32);
+        std::process::exit(i32::from(ErrorKind::Bug.exit_code()));
     }));
 }
 
@@ -248,12 +209,13 @@ mod tests {
         let forged = Error::from(UsageError("bad name: a\x1b[2J\nerror: forged".to_owned())).context("scene 7");
         assert_eq!(message(&forged), r"scene 7: bad name: a\u001b[2J\nerror: forged");
         let failed = vec![("a\nb".to_owned(), "no\x07 splat\nhere".to_owned())];
-        let list = BatchError::Incomplete { scenes: 2, failed, missing: vec!["c".to_owned()] };
+        let list = BatchError::Incomplete { scenes: 2, failed, missing: vec!["c".to_owned()], lacks_answers: false };
         let lines: Vec<String> = message(&list.into()).lines().skip(1).map(str::to_owned).collect();
         assert_eq!(lines[0], r"  a\nb: no\u0007 splat");
         assert!(lines.len() == 2 && lines[1].starts_with("  c: it has no result"), "{lines:?}");
         let failed = vec![("a".to_owned(), "no recorded answer for 1 of 2 questions:\n  view 000".to_owned())];
-        let list = message(&BatchError::Incomplete { scenes: 1, failed, missing: Vec::new() }.into());
+        let list =
+            message(&BatchError::Incomplete { scenes: 1, failed, missing: Vec::new(), lacks_answers: true }.into());
         assert!(list.lines().count() == 3 && list.contains("`gprop answer`"), "{list}");
     }
 }

@@ -13,4 +13,4 @@ pub use crate::segment::{LabelMap, Level, Segment, Segmentation, ViewSegments};
 pub use crate::simulate::material::{PoissonCapped, Softened};
 pub use crate::simulate::{FilledReport, FrameSummary, RigidReport, SimulationReport, StepReport};
 pub use crate::units::{Estimate, MetricScale, Range, ScaleSource, ShoreHardness, ShoreScale};
-pub use crate::vote::{Contents, Corrected, Correction, FieldLabel, Filled, MaterialField};
+pub use crate::vote::{Contents, Corrected, Correction, FieldPart, Filled, MaterialField};

@@ -47,8 +47,8 @@ fn results_do_what_they_need() {
     assert!(!work.join("answers.jsonl").exists(), "only what was asked for");
     assert_eq!(pipeline.answers().unwrap().all.len(), 6);
     let (field, parts) = (pipeline.field().unwrap(), pipeline.parts().unwrap());
-    assert_eq!((field.part_label.len(), field.confidence.len()), (200, 200));
-    assert!(parts.parts.len() <= field.labels.len() && parts.object.mass_kg.mid > 0.0);
+    assert_eq!((field.part_index.len(), field.confidence.len()), (200, 200));
+    assert!(parts.parts.len() <= field.parts.len() && parts.object.mass_kg.mid > 0.0);
     assert!(!work.join("grasp.json").exists() && !work.join("simulation").exists());
     let grasp = pipeline.grasp().unwrap();
     assert!(grasp.f_min_n > 0.0 && !work.join("simulation").exists());

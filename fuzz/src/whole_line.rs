@@ -57,7 +57,7 @@ pub fn whole_line(bytes: &[u8]) {
     let scale =
         MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
     let options = parts::Options { volume_cells: 1000, ..parts::Options::default() };
-    let Ok(result) = parts(&gaussians, &field, &ball.cameras, &[], Some(&scale), &options, hidden) else { return };
+    let Ok(result) = parts(&gaussians, &field, &ball.cameras, Some(&scale), &options, hidden) else { return };
     let weighed = result.metric().expect("the scale is known");
     assert_number(weighed.object.mass_kg);
     assert_number(weighed.object.volume_m3);

@@ -50,24 +50,29 @@ pub enum BatchError {
     NotOfThisBatch,
     /// Some scenes failed or are not done: exit code 6.
     #[error(
-        "{} of {} {} not done:{}",
+        "{} of {} {} not done:{}{}",
         .failed.len() + .missing.len(), counted(*.scenes, "scene"), agreeing(.failed.len() + .missing.len(), "is", "are"),
-        listed(.failed, .missing)
+        listed(.failed, .missing), if *.lacks_answers { ANSWERS } else { "" }
     )]
-    Incomplete { scenes: usize, failed: Vec<(String, String)>, missing: Vec<String> },
+    Incomplete {
+        scenes: usize,
+        /// The scenes that failed, each with its error.
+        failed: Vec<(String, String)>,
+        missing: Vec<String>,
+        /// True if some failed because nobody was asked.
+        lacks_answers: bool,
+    },
 }
 
 /// What to do about scenes without an answer.
 const ANSWERS: &str = "\nName a model for the answers with --lmm-url and --lmm-model, or give them by hand with `gprop answer`; then run \
                        the same command again";
 
-/// One line per scene, and what to do.
+/// One line per scene.
 fn listed(failed: &[(String, String)], missing: &[String]) -> String {
     let first_line = |text: &str| one_line(text.lines().next().unwrap_or_default()).into_owned();
-    let lacks_answer = failed.iter().any(|(_, why)| first_line(why).contains("recorded answer"));
     let failed = failed.iter().map(|(name, why)| format!("\n  {}: {}", one_line(name), first_line(why)));
     let unknown = "it has no result; its shard has not finished";
     let missing = missing.iter().map(|name| format!("\n  {}: {unknown}", one_line(name)));
-    let all: String = failed.chain(missing).collect();
-    all + if lacks_answer { ANSWERS } else { "" }
+    failed.chain(missing).collect()
 }

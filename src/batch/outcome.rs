@@ -7,10 +7,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::config::serialize_path;
+use crate::error::ErrorKind;
 use crate::parts::{Part, Parts};
 use crate::pipeline::{RunRecord, Stage, StageRecord};
 use crate::units::Estimate;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 use crate::workdir::{self, Artifact};
 
 use super::Asked;
@@ -139,6 +140,11 @@ impl Outcome {
             State::Failed | State::Skipped => Self { error: Some(why), ..outcome },
         }
     }
+
+    /// True if it failed because answers are missing and nobody was asked for them.
+    pub fn lacks_answers(&self) -> bool {
+        self.exit == Some(ErrorKind::Answer.exit_code().into()) && self.asked.requests == 0
+    }
 }
 
 impl Results {
@@ -151,10 +157,10 @@ impl Results {
             views: views["views"].as_array().map(Vec::len),
             ..Self::default()
         };
-        let labels = || workdir::read_json::<Vec<FieldLabel>>(&work.join(Artifact::Labels.path())).ok();
-        if let Some(labels) = did(Stage::Vote).then(labels).flatten() {
-            results.parts = Some(labels.len());
-            results.materials = distinct(labels.into_iter().map(|label| label.material));
+        let voted = || workdir::read_json::<Vec<FieldPart>>(&work.join(Artifact::Labels.path())).ok();
+        if let Some(voted) = did(Stage::Vote).then(voted).flatten() {
+            results.parts = Some(voted.len());
+            results.materials = distinct(voted.into_iter().map(|part| part.material));
         }
         // Without a metric scale the file has another format.
         let parts = || workdir::read_json::<Parts>(&work.join(Artifact::Parts.path())).ok();

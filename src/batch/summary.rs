@@ -135,12 +135,13 @@ impl Summary {
     /// [`BatchError::Incomplete`] with the scenes that are not.
     pub fn require_all(&self) -> Result<(), BatchError> {
         let failed = self.outcomes.iter().filter(|outcome| outcome.state == State::Failed);
+        let lacks_answers = failed.clone().any(Outcome::lacks_answers);
         let failed: Vec<(String, String)> =
             failed.map(|outcome| (outcome.scene.clone(), outcome.error.clone().unwrap_or_default())).collect();
         if failed.is_empty() && self.missing.is_empty() {
             return Ok(());
         }
-        Err(BatchError::Incomplete { scenes: self.scenes, failed, missing: self.missing.clone() })
+        Err(BatchError::Incomplete { scenes: self.scenes, failed, missing: self.missing.clone(), lacks_answers })
     }
 }
 

@@ -11,9 +11,7 @@ use crate::grasp::GraspReport;
 use crate::parts::PartsError;
 use crate::pipeline::{Pipeline, Stage, stages};
 use crate::query::{Answers, Outcome};
-use crate::report::{
-    claim_line, grasp_line, mass_line, misfit_line, part_lines, provisional, provisional_line, size_line,
-};
+use crate::report::{claim_line, grasp_line, mass_line, misfit_line, part_lines, provisional_line, size_line};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
 use crate::vote::MaterialField;
@@ -40,8 +38,7 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
         Stage::Parts => {
             let parts = if_metric(pipeline.parts())?;
             let field = pipeline.field()?;
-            let lines =
-                part_lines(&field.labels, parts.as_deref()) + &parts.as_deref().map_or_else(no_scale, mass_line);
+            let lines = part_lines(&field.parts, parts.as_deref()) + &parts.as_deref().map_or_else(no_scale, mass_line);
             let open = pipeline.opened();
             let longest_side = open.scene.longest_side();
             let claimed = open.scene.mesh.as_ref().and_then(|mesh| mesh.painted.mesh.claimed_mass_kg);
@@ -62,12 +59,11 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
 }
 
 /// That masses and what follows from them are provisional, if answers are missing.
-fn open_questions(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
+fn open_questions(pipeline: &Pipeline, stage: Stage) -> Result<String> {
     if stage < Stage::Parts {
         return Ok(String::new());
     }
-    let has_belief = if_metric(pipeline.parts())?.is_some_and(|parts| parts.belief.is_some());
-    Ok(provisional_line(provisional(pipeline.answers()?.as_ref(), has_belief).as_deref()))
+    Ok(provisional_line(stages::report::provisional(pipeline.opened())?.as_deref()))
 }
 
 /// A result that does not exist if the metric scale is unknown.
@@ -133,11 +129,11 @@ fn answers(found: &Answers) -> String {
 
 fn materials(field: &MaterialField) -> String {
     let mut text = String::new();
-    for label in &field.labels {
-        let gaussians = field.part_ids().filter(|id| *id == label.id).count();
-        let name = part_name(&label.caption, &label.material);
-        let (material, name) = (one_line(&label.material), one_line(&name));
-        let _ = writeln!(text, "  {:>2}  {material}  {} Gaussians: {name}", label.id, thousands(gaussians as u64));
+    for part in &field.parts {
+        let gaussians = field.part_ids().filter(|id| *id == part.id).count();
+        let name = part_name(&part.caption, &part.material);
+        let (material, name) = (one_line(&part.material), one_line(&name));
+        let _ = writeln!(text, "  {:>2}  {material}  {} Gaussians: {name}", part.id, thousands(gaussians as u64));
     }
     text
 }

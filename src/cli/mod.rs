@@ -40,10 +40,10 @@ use crate::scene::ObjectChoice;
 use crate::scene::mesh::is_mesh;
 use crate::words::output;
 use crate::words::progress::Progress;
-use crate::{audit, config, exit, export, inspect};
+use crate::{config, exit, export};
 use arguments::{
     AnswerArgs, BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs,
-    ReportArgs, Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
+    ReportArgs, RunArgs, Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
 };
 
 /// The program: runs the command line, prints an error once, and returns the exit code. A panic is reported as a bug
@@ -51,10 +51,10 @@ use arguments::{
 pub fn main() -> ExitCode {
     exit::report_panics_as_bugs();
     match run(std::env::args_os().collect()) {
-        Ok(()) => ExitCode::from(exit::Exit::Done as u8),
+        Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             output::tell(&format!("error: {}", exit::message(&error)));
-            ExitCode::from(exit::Exit::from(error.kind()) as u8)
+            ExitCode::from(error.kind().exit_code())
         }
     }
 }
@@ -68,24 +68,11 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Ok(cli) => cli,
         Err(error) => refuse(error.downcast::<clap::Error>()?),
     };
+    prepare(&cli)?;
     let global = &cli.global;
-    log::start(global);
-    if let Some(threads) = global.threads {
-        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
-        pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
-    }
-    last_run::tell(global);
-    if global.for_mcp {
-        crate::batch::end_with_the_batch();
-    }
     match &cli.command {
+        Command::Run(args) if is_container(&args.scene.scene) => container::run(global, args),
         Command::Run(args) => {
-            if args.end_with_stdin || args.for_python.is_some() {
-                crate::batch::end_with_the_batch();
-            }
-            if is_container(&args.scene.scene) {
-                return container::run(global, args);
-            }
             let run = objects::Run { to: args.to, simulates: !args.no_simulate, for_python: args.for_python };
             // A scene of a batch is one object.
             let run_scene = if global.is_in_batch { objects::run_one } else { objects::run };
@@ -111,19 +98,9 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Command::Export(args) if is_container(args.scene()) => container::export(global, args),
         Command::Export(args) if args.options.scene.object == ObjectChoice::All => objects::export_all(global, args),
         Command::Export(args) => scene::export(global, args),
-        Command::Inspect(args) => {
-            let only_chosen = global.flags.typed.iter().any(|flag| config::name_of(flag) == "views");
-            let (inspection, text) = inspect::command(args, only_chosen, global.progress())?;
-            print(global, &inspection, || text)?;
-            inspection.require_aligned()?;
-            Ok(inspection.require_up()?)
-        }
+        Command::Inspect(args) => tools::inspect(global, args),
         Command::Objects(args) => objects::list(global, args),
-        Command::Audit(args) => {
-            let report = audit::audit(args)?;
-            print(global, &report, || report.text())?;
-            Ok(report.require_sound()?)
-        }
+        Command::Audit(args) => tools::audit(global, args),
         Command::Batch(args) => batch::run(global, args),
         Command::Evaluate(what) => evaluate::evaluate(global, what),
         Command::Materials(what) => tools::materials(global, what),
@@ -136,6 +113,21 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
         Command::Man { out: None } => manual::page(global),
         Command::Man { out: Some(folder) } => manual::pages(global, folder),
     }
+}
+
+/// Sets up the process as the options say.
+fn prepare(Cli { global, command }: &Cli) -> Result<()> {
+    log::start(global);
+    if let Some(threads) = global.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build_global();
+        pool.map_err(|error| UsageError(format!("--threads {threads}: {error}")))?;
+    }
+    last_run::tell(global);
+    let serves_another = |args: &RunArgs| args.end_with_stdin || args.for_python.is_some();
+    if global.for_mcp || matches!(command, Command::Run(args) if serves_another(args)) {
+        crate::batch::end_with_the_batch();
+    }
+    Ok(())
 }
 
 /// True if the user named a single picture instead of a scene: a file that is no mesh.

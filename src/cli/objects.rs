@@ -121,14 +121,7 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
         Ok(Each { global: for_object(global, number), work: share(folder, work, number, found.count)? })
     };
     if work.dry_run {
-        let dry_run = |number: &ObjectNumber| {
-            let Each { global, work } = each(*number)?;
-            Ok((number.to_string(), scene::dry_run(&global, folder, &work, run.to, run.simulates)?))
-        };
-        let all = numbers.iter().map(dry_run).collect::<Result<Vec<_>>>()?;
-        let text = || all.iter().map(|(name, dry)| format!("{name}\n{}", dry.text())).collect::<Vec<_>>().join("\n");
-        let json: Vec<_> = all.iter().map(|(name, dry)| serde_json::json!({ "name": name, "run": dry })).collect();
-        return print(global, &json, text);
+        return dry_run_all(global, folder, run, &numbers, each);
     }
     let root = work_folder_of(folder, work.out.as_deref(), ObjectChoice::All)?;
     let of_capture = WorkDir::open(&root)?;
@@ -165,6 +158,24 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
     let failed: Vec<String> =
         results.filter(|(_, error)| error.is_some()).map(|(number, _)| number.to_string()).collect();
     if failed.is_empty() { Ok(()) } else { Err(SomeFailed { count: numbers.len(), failed }.into()) }
+}
+
+/// Shows what running every object would do.
+fn dry_run_all(
+    global: &Global,
+    folder: &Path,
+    run: Run,
+    numbers: &[ObjectNumber],
+    each: impl Fn(ObjectNumber) -> Result<Each>,
+) -> Result<()> {
+    let dry_run = |number: &ObjectNumber| {
+        let Each { global, work } = each(*number)?;
+        Ok((number.to_string(), scene::dry_run(&global, folder, &work, run.to, run.simulates)?))
+    };
+    let all = numbers.iter().map(dry_run).collect::<Result<Vec<_>>>()?;
+    let text = || all.iter().map(|(name, dry)| format!("{name}\n{}", dry.text())).collect::<Vec<_>>().join("\n");
+    let json: Vec<_> = all.iter().map(|(name, dry)| serde_json::json!({ "name": name, "run": dry })).collect();
+    print(global, &json, text)
 }
 
 /// Stages that are done for every object before those of the next pass.

@@ -28,20 +28,20 @@ pub enum Kind {
 impl Kind {
     pub fn of(option: &Arg) -> Self {
         let parsed = option.get_value_parser().type_id();
-        let is = |types: &[TypeId]| types.iter().any(|of| parsed == *of);
+        let is_one_of = |types: &[TypeId]| types.iter().any(|of| parsed == *of);
         if !option.get_action().takes_values() {
             Self::Switch
-        } else if is(&[TypeId::of::<bool>()]) {
+        } else if is_one_of(&[TypeId::of::<bool>()]) {
             Self::Bool
         } else if !option.get_possible_values().is_empty() {
             Self::Choice(option.get_possible_values().iter().map(|value| value.get_name().to_owned()).collect())
-        } else if is(&[TypeId::of::<f32>(), TypeId::of::<f64>()]) && !takes_units(option) {
+        } else if is_one_of(&[TypeId::of::<f32>(), TypeId::of::<f64>()]) && !takes_units(option) {
             Self::Float
-        } else if is(&integers()) {
+        } else if is_one_of(&integers()) {
             Self::Int
-        } else if is(&[TypeId::of::<PathBuf>()]) {
+        } else if is_one_of(&[TypeId::of::<PathBuf>()]) {
             Self::Path
-        } else if is(&[TypeId::of::<String>(), TypeId::of::<OsString>()]) {
+        } else if is_one_of(&[TypeId::of::<String>(), TypeId::of::<OsString>()]) {
             Self::Text
         } else {
             Self::TextOrNumber

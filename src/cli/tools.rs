@@ -1,8 +1,8 @@
-//! The commands that need no scene.
+//! The commands that run no stages.
 
 use std::path::Path;
 
-use crate::config::in_json;
+use crate::config::{self, in_json};
 use crate::error::{Result, UsageError};
 use crate::files::write;
 use crate::grasp::CalibrationReport;
@@ -10,8 +10,25 @@ use crate::grasp::gripper::GripperProfile;
 use crate::materials::{MaterialLibrary, check, cli as library, stats};
 use crate::scene;
 use crate::setup::{self, SetupError};
+use crate::{audit, inspect};
 
 use super::{Global, Grasp, Materials, Scale, print, shown};
+
+/// `gprop inspect`.
+pub fn inspect(global: &Global, args: &inspect::Args) -> Result<()> {
+    let only_chosen = global.flags.typed.iter().any(|flag| config::name_of(flag) == "views");
+    let (inspection, text) = inspect::command(args, only_chosen, global.progress())?;
+    print(global, &inspection, || text)?;
+    inspection.require_aligned()?;
+    Ok(inspection.require_up()?)
+}
+
+/// `gprop audit`.
+pub fn audit(global: &Global, args: &audit::Args) -> Result<()> {
+    let report = audit::audit(args)?;
+    print(global, &report, || report.text())?;
+    Ok(report.require_sound()?)
+}
 
 /// `gprop setup`.
 pub fn set_up(global: &Global, options: &setup::Options) -> Result<()> {

@@ -81,13 +81,7 @@ pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
         smooth: meta.smooth,
         ..Filling::default()
     };
-    let (positions, opacity, covariance) = (npz.f32s("pos")?, npz.f32s("opacity")?, npz.f32s("cov6")?);
-    let blobs: Vec<Blob> = positions
-        .chunks_exact(3)
-        .zip(covariance.as_chunks::<6>().0)
-        .zip(&opacity)
-        .map(|((p, &covariance), &opacity)| Blob { position: Vector3::from_column_slice(p), opacity, covariance })
-        .collect();
+    let blobs = blobs(npz)?;
     // The grid is no larger than the reference's arrays, whatever its settings say.
     let cells = meta.grid_n.checked_pow(3).unwrap_or(usize::MAX);
     length("count0", npz.i32s("count0")?.len(), cells)?;
@@ -105,16 +99,6 @@ pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
         ours.iter().zip(theirs).for_each(|(a, b)| raise(&mut largest, f64::from((a - b).abs())));
         Ok(if largest == 0.0 { 0.0 } else { f64::from(largest as f32 / most) })
     };
-    let places: Vec<Vector3<f32>> = npz.f32s("out_pos")?.chunks_exact(3).map(Vector3::from_column_slice).collect();
-    let (cells, side) = VOLUME_GRID;
-    let mut volume_rel_max = 0.0_f64;
-    for (name, uniform) in [("vol_g48", false), ("vol_g48_uniform", true)] {
-        let theirs = npz.f32s(name)?;
-        length(name, theirs.len(), places.len())?;
-        for (a, b) in volumes(&places, cells, side / cells as f32, uniform).iter().zip(theirs) {
-            raise(&mut volume_rel_max, if *a == b { 0.0 } else { f64::from((a / b - 1.0).abs()) });
-        }
-    }
     Ok(FillComparison {
         cells: filled.counts.len(),
         counts_differ: reference_count(npz, "count0", &filled.counts)?,
@@ -124,8 +108,35 @@ pub fn compare(npz: &mut Npz) -> Result<FillComparison, SimulationError> {
         reference_added: npz.i64s("n_total")?.first().copied().unwrap_or(0),
         density_rel_max: difference(npz, "density", &filled.density)?,
         density_used_rel_max: difference(npz, "density_used", &filled.density_used)?,
-        volume_rel_max,
+        volume_rel_max: largest_difference_of_volumes(npz)?,
     })
+}
+
+/// The reference's Gaussians.
+fn blobs(npz: &mut Npz) -> Result<Vec<Blob>, SimulationError> {
+    let (positions, opacity, covariance) = (npz.f32s("pos")?, npz.f32s("opacity")?, npz.f32s("cov6")?);
+    let blobs = positions.chunks_exact(3).zip(covariance.as_chunks::<6>().0).zip(&opacity);
+    let blob = |((p, &covariance), &opacity): ((&[f32], &[f32; 6]), &f32)| Blob {
+        position: Vector3::from_column_slice(p),
+        opacity,
+        covariance,
+    };
+    Ok(blobs.map(blob).collect())
+}
+
+/// Of the volumes of the reference's filled particles, relative.
+fn largest_difference_of_volumes(npz: &mut Npz) -> Result<f64, SimulationError> {
+    let places: Vec<Vector3<f32>> = npz.f32s("out_pos")?.chunks_exact(3).map(Vector3::from_column_slice).collect();
+    let (cells, side) = VOLUME_GRID;
+    let mut largest = 0.0_f64;
+    for (name, uniform) in [("vol_g48", false), ("vol_g48_uniform", true)] {
+        let theirs = npz.f32s(name)?;
+        length(name, theirs.len(), places.len())?;
+        for (a, b) in volumes(&places, cells, side / cells as f32, uniform).iter().zip(theirs) {
+            raise(&mut largest, if *a == b { 0.0 } else { f64::from((a / b - 1.0).abs()) });
+        }
+    }
+    Ok(largest)
 }
 
 fn length(array: &'static str, found: usize, expected: usize) -> Result<(), SimulationError> {

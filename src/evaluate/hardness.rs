@@ -95,13 +95,13 @@ pub fn field_at(
     camera: &Camera,
     places: &[(f64, f64)],
 ) -> Vec<Result<ShoreHardness, Missing>> {
-    let drawn = render_labels(gaussians, camera, &field.part_label, &RenderOptions::default());
+    let drawn = render_labels(gaussians, camera, &field.part_index, &RenderOptions::default());
     let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
     let predicted_at = |&(x, y): &(f64, f64)| {
         let on_picture = (0.0..f64::from(width)).contains(&x) && (0.0..f64::from(height)).contains(&y);
         let pixel = on_picture.then(|| y as usize * width as usize + x as usize);
         let label = pixel.and_then(|pixel| drawn[pixel]).ok_or(Missing::OffTheObject)?;
-        field.labels[label as usize].hardness.ok_or(Missing::NoHardness)
+        field.parts[label as usize].hardness.ok_or(Missing::NoHardness)
     };
     places.iter().map(predicted_at).collect()
 }

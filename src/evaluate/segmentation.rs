@@ -79,7 +79,7 @@ pub struct LabelledView<'a> {
 /// A material field with the names of its labels.
 pub struct NamedField<'f, 'a> {
     pub field: &'f MaterialField,
-    /// Names of `field.labels`.
+    /// Names of `field.parts`.
     pub names: Vec<&'a str>,
 }
 
@@ -91,7 +91,7 @@ impl<'a> NamedField<'_, 'a> {
         distinct.dedup();
         let place = |name: &str| distinct.iter().position(|other| *other == name).expect("listed above") as u32;
         let of_label: Vec<u32> = self.names.iter().map(|name| place(name)).collect();
-        let labels = self.field.part_label.iter().map(|&label| of_label[label as usize]).collect();
+        let labels = self.field.part_index.iter().map(|&label| of_label[label as usize]).collect();
         (distinct, labels)
     }
 }
@@ -234,8 +234,8 @@ impl SegmentationEvaluation {
 
 fn rows(object: &str, voted: &Score, local: Option<&Score>, single: Option<&Score>) -> String {
     let number = |iou: Option<f64>| iou.map_or_else(|| "-".to_owned(), |iou| format!("{iou:.4}"));
-    let row = |first: &str, label: &str, of: &dyn Fn(&Score) -> Option<f64>| {
-        let [a, b, c] = [Some(voted), local, single].map(|score| number(score.and_then(of)));
+    let row = |first: &str, label: &str, iou_of: &dyn Fn(&Score) -> Option<f64>| {
+        let [a, b, c] = [Some(voted), local, single].map(|score| number(score.and_then(iou_of)));
         let first = one_line(first);
         format!("{first:<16} {label:<10} {a:>8} {b:>11} {c:>8}\n")
     };

@@ -75,9 +75,9 @@ impl Vocabulary {
             .collect()
     }
 
-    /// The label of this set for every label of a field; an empty one, which never counts as correct, if neither the
+    /// The label of this set for every part of a field; an empty one, which never counts as correct, if neither the
     /// material nor its family has one.
     pub fn of_field<'a>(self, field: &MaterialField, library: &'a MaterialLibrary) -> Vec<&'a str> {
-        field.labels.iter().map(|label| self.label(&label.material, library).unwrap_or_default()).collect()
+        field.parts.iter().map(|part| self.label(&part.material, library).unwrap_or_default()).collect()
     }
 }

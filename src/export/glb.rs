@@ -12,7 +12,7 @@ use crate::pictures::palette;
 
 pub(super) fn write(model: &Model, meshes: &Meshes, files: &mut Files) -> Result<(), ExportError> {
     let (name, extras_of_asset) = (identifier(model.name), asset_extras(model, &meshes.placement));
-    let (body, names) = (body_name(model.name), names::of_parts(&model.field.labels));
+    let (body, names) = (body_name(model.name), names::of_parts(&model.field.parts));
     let name_of = |part: u32| within(&body, &names[&part]);
     let mut visual = Gltf::default();
     visual.materials.push(json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.7 } }));

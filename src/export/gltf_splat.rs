@@ -8,7 +8,7 @@ use super::gltf::Gltf;
 use super::placement::Placement;
 use super::{ExportError, Files, Model, Splat, asset_extras, identifier};
 use crate::gaussians::SH_C0;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
 
@@ -17,8 +17,8 @@ pub(super) fn write(model: &Model, placement: &Placement, files: &mut Files) -> 
     let mut gltf = Gltf::default();
     let mesh = add(&mut gltf, &model.splat(placement));
     let of_label =
-        |label: &FieldLabel| json!({ "part": label.id, "caption": label.caption, "material": label.material });
-    let labels: Vec<_> = model.field.labels.iter().map(of_label).collect();
+        |label: &FieldPart| json!({ "part": label.id, "caption": label.caption, "material": label.material });
+    let labels: Vec<_> = model.field.parts.iter().map(of_label).collect();
     let node = gltf.node(json!({ "name": "splat", "mesh": mesh, "extras": { "parts": labels } }));
     let (name, extras) = (identifier(model.name), asset_extras(model, placement));
     gltf.node_z_up(&name, &[node], &placement.place());

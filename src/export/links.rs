@@ -79,7 +79,7 @@ pub fn of(model: &Model, parts: &Parts, shape: &Shape) -> Vec<Link> {
     let homeless: Vec<u32> = weighed.keys().copied().filter(|id| !skins.contains_key(id)).collect();
     let taken_in: Vec<Inertial> = homeless.iter().flat_map(|id| weighed[id].clone()).collect();
     weighed.entry(root).or_default().extend(taken_in);
-    let (own, body) = (names::of_parts(&model.field.labels), body_name(model.name));
+    let (own, body) = (names::of_parts(&model.field.parts), body_name(model.name));
     let ids: Vec<u32> = skins.keys().copied().collect();
     tree(root, &ids, shape)
         .into_iter()
@@ -102,7 +102,7 @@ pub fn of(model: &Model, parts: &Parts, shape: &Shape) -> Vec<Link> {
 /// The masses of each part and its fillings, by id.
 fn by_part(parts: &Parts) -> BTreeMap<u32, Vec<Inertial>> {
     let mut weighed: BTreeMap<u32, Vec<Inertial>> = BTreeMap::new();
-    for part in parts.by_label() {
+    for part in parts.whole_parts() {
         if let (Some(mass), Some(center), Some(inertia)) = (part.mass_kg, part.center_of_mass_m, part.inertia_kg_m2) {
             weighed.entry(part.id).or_default().push(Inertial::new(mass.mid, center, inertia));
         }

@@ -15,7 +15,7 @@ use super::links::Inertial;
 use super::shape::Collider;
 use super::{ExportError, Files, Rigid, escaped, obj, spaced};
 use crate::pictures::palette;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 /// MuJoCo's default time constant of contacts, s. Stiffer parts keep it, since no time step could resolve theirs.
 const DEFAULT_TIME_CONSTANT_S: f64 = 0.02;
@@ -212,8 +212,8 @@ pub(super) fn look(plane: &str) -> String {
 ///
 /// A part of volume V and thickness d has an area of about V / d, and if pressed over all of it, the stiffness k = E V
 /// / d^2. The object's mass m on it oscillates with omega = sqrt(k / m), and MuJoCo's time constant is 1 / omega.
-fn time_constant_s(rigid: &Rigid, label: &FieldLabel) -> Option<f64> {
-    let part = rigid.parts.of_label(label.id)?;
+fn time_constant_s(rigid: &Rigid, label: &FieldPart) -> Option<f64> {
+    let part = rigid.parts.part(label.id)?;
     let (volume, thickness) = (part.volume_m3?.mid, part.thickness_m?.mid);
     let stiffness = label.youngs_modulus_pa.mid * volume / (thickness * thickness);
     let time = (rigid.parts.object.mass_kg.mid / stiffness).sqrt();

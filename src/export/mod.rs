@@ -54,7 +54,7 @@ use crate::parts::samples::Sample;
 use crate::parts::{Interior, Parts, PartsError};
 use crate::scene::SupportSurface;
 use crate::units::{Estimate, MetricScale, ScaleSource};
-use crate::vote::{FieldLabel, MaterialField};
+use crate::vote::{FieldPart, MaterialField};
 pub use asset::{Asset, Colliders, below};
 pub use format::{Format, Frame, Listed, list, text};
 use links::{Inertial, Link};
@@ -141,7 +141,7 @@ impl Model<'_> {
     }
 
     /// The friction of a part.
-    fn friction(&self, label: &FieldLabel) -> f64 {
+    fn friction(&self, label: &FieldPart) -> f64 {
         friction(label, self.on_steel)
     }
 
@@ -302,7 +302,7 @@ pub fn export_body(model: &Model, formats: Formats, folder: &Path) -> Result<Exp
         None => *model,
     };
     if let Some(library) = model.on_steel
-        && let Some(label) = model.field.labels.iter().find(|label| library.get(&label.material).is_none())
+        && let Some(label) = model.field.parts.iter().find(|label| library.get(&label.material).is_none())
     {
         return Err(ExportError::NoFriction { material: label.material.clone() });
     }
@@ -439,7 +439,7 @@ impl Shared<'_> {
         if let Some(shape) = self.shape.get() {
             return Ok(shape);
         }
-        let shape = Shape::of(interior, &field.labels, *support, scale.meters_per_unit);
+        let shape = Shape::of(interior, &field.parts, *support, scale.meters_per_unit);
         let origin = self.origin(&shape.colliders)?;
         Ok(self.shape.get_or_init(|| shape.around(origin)))
     }
@@ -514,7 +514,7 @@ impl Shared<'_> {
     fn body(&self) -> Result<Option<Body>, ExportError> {
         let (Ok(parts), shape) = (self.parts(), self.shape()?) else { return Ok(None) };
         let object = &parts.object;
-        let labels = &self.model.field.labels;
+        let labels = &self.model.field.parts;
         let placement = self.placement()?;
         let collider_of = |collider: &Collider| BodyCollider {
             shape: collider.clone(),
@@ -542,7 +542,7 @@ impl Shared<'_> {
         Ok(Rigid {
             name: body_name(self.model.name),
             parts,
-            labels: &self.model.field.labels,
+            labels: &self.model.field.parts,
             colliders: &shape.colliders,
             skin,
             grasps: moved(self.model.grasps, placement.origin),
@@ -570,7 +570,7 @@ struct Rigid<'a> {
     /// Name of letters, digits and underscores.
     name: String,
     parts: &'a Parts,
-    labels: &'a [FieldLabel],
+    labels: &'a [FieldPart],
     colliders: &'a [Collider],
     skin: &'a Skin,
     grasps: Cow<'a, [Candidate]>,
@@ -653,7 +653,7 @@ impl Rigid<'_> {
         friction(self.label(collider), self.on_steel)
     }
 
-    fn label(&self, collider: &Collider) -> &FieldLabel {
+    fn label(&self, collider: &Collider) -> &FieldPart {
         label_of(self.labels, collider.part)
     }
 
@@ -669,13 +669,13 @@ impl Rigid<'_> {
 }
 
 /// The least friction of all parts that have a mass.
-fn least_friction(labels: &[FieldLabel], parts: &Parts, on_steel: Option<&MaterialLibrary>) -> f64 {
-    let has_mass = |label: &&FieldLabel| parts.of_label(label.id).is_some_and(|part| part.mass_kg.is_some());
+fn least_friction(labels: &[FieldPart], parts: &Parts, on_steel: Option<&MaterialLibrary>) -> f64 {
+    let has_mass = |label: &&FieldPart| parts.part(label.id).is_some_and(|part| part.mass_kg.is_some());
     labels.iter().filter(has_mass).map(|label| friction(label, on_steel)).fold(f64::INFINITY, f64::min)
 }
 
 /// The friction of a part on rubber, or on steel as a library has it for the part's material.
-fn friction(label: &FieldLabel, on_steel: Option<&MaterialLibrary>) -> f64 {
+fn friction(label: &FieldPart, on_steel: Option<&MaterialLibrary>) -> f64 {
     match on_steel {
         None => label.friction_rubber.mid,
         Some(library) => library.get(&label.material).map_or(f64::NAN, |material| material.friction_steel.mid()),
@@ -683,19 +683,19 @@ fn friction(label: &FieldLabel, on_steel: Option<&MaterialLibrary>) -> f64 {
 }
 
 /// What is believed of that friction; `None` if the library lacks the material.
-fn friction_range(label: &FieldLabel, on_steel: Option<&MaterialLibrary>) -> Option<Estimate> {
+fn friction_range(label: &FieldPart, on_steel: Option<&MaterialLibrary>) -> Option<Estimate> {
     let Some(library) = on_steel else { return Some(label.friction_rubber) };
     let range = library.get(&label.material)?.friction_steel;
     Some(Estimate::new(range.low, range.mid(), range.high))
 }
 
 /// The coefficient of restitution of a part on a hard surface, if the library says it.
-fn restitution(label: &FieldLabel) -> Option<f64> {
+fn restitution(label: &FieldPart) -> Option<f64> {
     label.restitution.map(|estimate| estimate.mid)
 }
 
 /// The least restitution of all parts, if the library says any.
-fn least_restitution(labels: &[FieldLabel]) -> Option<f64> {
+fn least_restitution(labels: &[FieldPart]) -> Option<f64> {
     labels.iter().filter_map(restitution).reduce(f64::min)
 }
 
@@ -734,14 +734,14 @@ fn asset_extras(model: &Model, placement: &Placement) -> Value {
 }
 
 /// The label of the part with this id, which owns cells of the object.
-fn label_of(labels: &[FieldLabel], part_id: u32) -> &FieldLabel {
+fn label_of(labels: &[FieldPart], part_id: u32) -> &FieldPart {
     labels.iter().find(|label| label.id == part_id).expect("cells belong to parts that have a label")
 }
 
 /// What is said of a part in `extras` and in JSON.
 fn part_facts(model: &Model, part: u32) -> Value {
-    let label = label_of(&model.field.labels, part);
-    let weighed = model.parts.and_then(|parts| parts.of_label(part));
+    let label = label_of(&model.field.parts, part);
+    let weighed = model.parts.and_then(|parts| parts.part(part));
     json!({
         "part": part,
         "caption": label.caption,

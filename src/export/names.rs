@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use super::identifier;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 /// Most bytes of a part's own name. Whole words of its caption are taken.
 const LONGEST: usize = 32;
@@ -14,7 +14,7 @@ const ENDS: [&str; 12] = ["with", "without", "that", "which", "of", "from", "in"
 
 /// The own name of each part, by id: the first words of its caption, in lower case. Of parts that are called the same, those after
 /// the first have a number.
-pub fn of_parts(labels: &[FieldLabel]) -> BTreeMap<u32, String> {
+pub fn of_parts(labels: &[FieldPart]) -> BTreeMap<u32, String> {
     let mut names: BTreeMap<u32, String> = BTreeMap::new();
     for label in labels {
         let first = of_caption(&label.caption);

@@ -11,13 +11,13 @@ use super::{ExportError, Files, Model, identifier};
 use crate::files::json;
 use crate::files::npy::{Number, write_npy};
 use crate::units::{Estimate, ScaleSource};
-use crate::vote::{FieldLabel, field_ply};
+use crate::vote::{FieldPart, field_ply};
 
 pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
     let archive = |out: &mut dyn Write| out.write_all(&archive(model)?);
     let name = identifier(model.name);
     files.write(format!("{name}.npz"), archive)?;
-    files.write(format!("{name}_labels.json"), |out| out.write_all(json::pretty(&model.field.labels)?.as_bytes()))
+    files.write(format!("{name}_labels.json"), |out| out.write_all(json::pretty(&model.field.parts)?.as_bytes()))
 }
 
 fn archive(model: &Model) -> io::Result<Vec<u8>> {
@@ -34,7 +34,7 @@ fn archive(model: &Model) -> io::Result<Vec<u8>> {
         arrays.add("meters_per_unit", &[], [scale.meters_per_unit])?;
         arrays.add("scale_is_estimated", &[], [i32::from(scale.source == ScaleSource::Estimated)])?;
     }
-    type Property = (&'static str, fn(&FieldLabel) -> Estimate);
+    type Property = (&'static str, fn(&FieldPart) -> Estimate);
     let of_labels: [Property; 5] = [
         ("label_density_kg_m3", |l| l.density_kg_m3),
         ("label_youngs_modulus_pa", |l| l.youngs_modulus_pa),
@@ -42,9 +42,9 @@ fn archive(model: &Model) -> io::Result<Vec<u8>> {
         ("label_yield_strength_pa", |l| l.yield_strength_pa),
         ("label_friction_rubber", |l| l.friction_rubber),
     ];
-    arrays.add("label_id", &[model.field.labels.len() as u64], model.field.labels.iter().map(|l| i64::from(l.id)))?;
+    arrays.add("label_id", &[model.field.parts.len() as u64], model.field.parts.iter().map(|l| i64::from(l.id)))?;
     for (name, property) in of_labels {
-        arrays.estimates(name, model.field.labels.iter().map(property))?;
+        arrays.estimates(name, model.field.parts.iter().map(property))?;
     }
     if let Some(parts) = model.parts {
         let (object, all) = (&parts.object, &parts.parts);

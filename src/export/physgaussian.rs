@@ -38,7 +38,7 @@ pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError>
 /// The configuration for the label with the most Gaussians, with a separate box for every other label. PhysGaussian drops
 /// the Gaussians that are not above its threshold of opacity, so boxes leave them out.
 fn config(model: &Model) -> Value {
-    let (of_gaussian, labels) = (&model.field.part_label, &model.field.labels);
+    let (of_gaussian, labels) = (&model.field.part_index, &model.field.parts);
     let estimated = Estimated::new(of_gaussian, labels, Soften::default(), SOFT_PA);
     let main = estimated.main();
     let mut keys = estimated.configuration(main);
@@ -62,7 +62,7 @@ fn config(model: &Model) -> Value {
 fn box_in_unit_space(model: &Model, kept: &[usize], label: u32) -> ([f64; 3], [f64; 3]) {
     let bounds = |wanted: &dyn Fn(u32) -> bool| {
         let mut span = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        for &i in kept.iter().filter(|&&i| wanted(model.field.part_label[i])) {
+        for &i in kept.iter().filter(|&&i| wanted(model.field.part_index[i])) {
             let at = model.gaussians.positions[i].map(f64::from);
             span = [std::array::from_fn(|a| span[0][a].min(at[a])), std::array::from_fn(|a| span[1][a].max(at[a]))];
         }

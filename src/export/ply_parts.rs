@@ -13,7 +13,7 @@ const LONGEST: usize = 120;
 pub(super) fn write(model: &Model, files: &mut Files) -> Result<(), ExportError> {
     let columns = field_ply::columns(model.field);
     let folder = format!("{}/parts", identifier(model.name));
-    for label in &model.field.labels {
+    for label in &model.field.parts {
         let kept: Vec<bool> = model.field.part_ids().map(|id| id == label.id).collect();
         if !kept.contains(&true) {
             continue;

@@ -14,7 +14,7 @@ use crate::config::in_json;
 use crate::files::json::pretty;
 use crate::parts::Filling;
 use crate::units::{Estimate, MetricScale};
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 /// The name of the file.
 pub(super) const FILE: &str = "asset.json";
@@ -92,18 +92,18 @@ impl ObjectSummary {
             name: body_name(model.name),
             input_from,
             mass_kg: model.parts.map(|parts| parts.object.mass_kg),
-            parts: model.field.labels.iter().map(|label| PartSummary::of(model, label)).collect(),
+            parts: model.field.parts.iter().map(|label| PartSummary::of(model, label)).collect(),
             fillings: model.parts.iter().flat_map(|parts| &parts.fillings).map(filling).collect(),
         })
     }
 }
 
 impl PartSummary {
-    fn of(model: &Model, label: &FieldLabel) -> Self {
-        let weighed = model.parts.and_then(|parts| parts.of_label(label.id));
+    fn of(model: &Model, label: &FieldPart) -> Self {
+        let weighed = model.parts.and_then(|parts| parts.part(label.id));
         Self {
             part: label.id,
-            name: within(&body_name(model.name), &names::of_parts(&model.field.labels)[&label.id]),
+            name: within(&body_name(model.name), &names::of_parts(&model.field.parts)[&label.id]),
             caption: label.caption.clone(),
             material: label.material.clone(),
             mass_kg: weighed.and_then(|part| part.mass_kg),

@@ -17,7 +17,7 @@ use super::{GraspError, GripperProfile, Limit, Options, Reason};
 use crate::parallel;
 use crate::parts::Parts;
 use crate::units::Estimate;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 /// How many places are reported.
 pub const REPORTED: usize = 5;
@@ -114,7 +114,7 @@ fn orientation(contacts: [Point3<f64>; 2], approach: Vector3<f64>) -> [f64; 4] {
 /// The object, as the search for places needs it.
 pub struct Graspable<'a> {
     pub parts: &'a Parts,
-    pub labels: &'a [FieldLabel],
+    pub labels: &'a [FieldPart],
     pub surface: &'a Surface,
 }
 
@@ -142,7 +142,7 @@ pub fn candidates(
         Where::Part(label) => format!("part {:?}", object.labels[label as usize].caption),
         Where::Anywhere | Where::Near(_) => "the object".to_owned(),
     };
-    let friction = |label: &FieldLabel| options.policy.friction(label.friction_rubber);
+    let friction = |label: &FieldPart| options.policy.friction(label.friction_rubber);
     let friction: Vec<f64> = object.labels.iter().map(friction).collect();
     let all = places(object.surface, wanted, &friction, gripper.contact_radius_m());
     let stroke_m = gripper.stroke_m.unwrap_or(f64::INFINITY);
@@ -260,7 +260,7 @@ fn grip_at(
     options: &Options,
 ) -> Result<Option<Grip>, GraspError> {
     let label = &object.labels[place.part as usize];
-    let Some(part) = object.parts.of_label(label.id) else { return Ok(None) };
+    let Some(part) = object.parts.part(label.id) else { return Ok(None) };
     if part.volume_m3.is_none() {
         return Ok(None);
     }
@@ -293,7 +293,7 @@ fn candidate(object: &Graspable, grip: &Grip, approach: Vector3<f64>) -> Candida
     let Grip { place, touch, bend_rad, forces } = grip;
     let infeasible_because = grip.infeasible_because();
     let part_id = object.labels[place.part as usize].id;
-    let part = object.parts.of_label(part_id);
+    let part = object.parts.part(part_id);
     let (part, material) = part.map(|part| (part.caption, part.material)).unwrap_or_default();
     Candidate {
         part,

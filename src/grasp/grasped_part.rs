@@ -30,7 +30,7 @@ pub fn choose(parts: &Parts, name: Option<&str>) -> Result<(Part, PartChoice), G
     match name {
         Some(name) => Ok((named(parts, name)?, PartChoice::Named)),
         None => {
-            let reachable = parts.by_label().filter_map(|p| Some((p.surface_to_center_of_mass_m?, p)));
+            let reachable = parts.whole_parts().filter_map(|p| Some((p.surface_to_center_of_mass_m?, p)));
             let (_, nearest) = reachable.min_by(|a, b| a.0.total_cmp(&b.0)).ok_or(GraspError::NoSurface)?;
             Ok((nearest, PartChoice::NearestCenterOfMass))
         }
@@ -54,7 +54,7 @@ pub fn doubt(part: &Part, name: &str) -> Option<String> {
 }
 
 fn named(parts: &Parts, name: &str) -> Result<Part, GraspError> {
-    let all: Vec<Part> = parts.by_label().collect();
+    let all: Vec<Part> = parts.whole_parts().collect();
     let fit = |part: &Part| {
         let mut bodies = parts.parts.iter().filter(|body| body.id == part.id);
         let is_body = bodies.any(|body| fit_of(body, name) == Some(PartFit::Caption));

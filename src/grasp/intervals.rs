@@ -7,7 +7,7 @@ use super::options::ForceRule;
 use super::{GraspError, GripperProfile, Options, Policy};
 use crate::parts::Parts;
 use crate::units::{Estimate, GRAVITY_M_S2, Reading};
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 /// The numbers that go into the formulas.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -102,7 +102,7 @@ impl Inputs {
     /// If a lift angle, curvature or margin is outside its domain.
     pub fn of(
         parts: &Parts,
-        label: &FieldLabel,
+        label: &FieldPart,
         contact: Contact,
         gripper: &GripperProfile,
         options: &Options,

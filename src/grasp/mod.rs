@@ -33,7 +33,7 @@ pub mod touch;
 use serde::{Deserialize, Serialize};
 
 use crate::parts::{Part, Parts};
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 pub use calibration_report::CalibrationReport;
 use candidates::{Candidate, Found, Graspable};
 pub use error::GraspError;
@@ -173,7 +173,7 @@ pub struct GraspReport {
 /// length, or no place there has space for the fingers within the stroke; otherwise this is only a warning.
 pub fn grasp(
     parts: &Parts,
-    labels: &[FieldLabel],
+    labels: &[FieldPart],
     surface: Option<&Surface>,
     meters_per_unit: f64,
     gripper: &GripperProfile,
@@ -192,15 +192,11 @@ pub fn grasp(
     let candidates = search(object.as_ref(), place, gripper, options, &mut warnings)?;
     let (part, part_chosen, contact) = match candidates.first() {
         Some(best) => {
-            let part = parts.of_label(best.part_id).unwrap_or(part);
             let chosen = if options.part.is_some() { PartChoice::Named } else { PartChoice::BestPlace };
-            (part, chosen, best.contact())
+            (parts.part(best.part_id).unwrap_or(part), chosen, best.contact())
         }
         None => {
-            let thickness_m = part.thickness_m.ok_or_else(|| no_thickness(&part))?;
-            let (pressure_arm_m, pressure_shift_m) = (gripper.pressure_arm_m(), gripper.pressure_shift_m());
-            let nowhere =
-                Contact { thickness_m, pressure_arm_m, pressure_shift_m, width_m: 0.0, lever_m: 0.0, offset_m: 0.0 };
+            let nowhere = contact_nowhere(&part, gripper)?;
             (part, chosen, nowhere)
         }
     };
@@ -208,11 +204,9 @@ pub fn grasp(
     let inputs = Inputs::of(parts, label, contact, gripper, options)?;
     let Forces { inputs, intervals, f_min_n, upper, hold_n, star, force, .. } =
         inputs.forces(&part.caption, gripper, options)?;
-    let infeasible = match (force.infeasible_because, candidates.first()) {
-        (Some(reason), _) => Some(Infeasible::of_force(reason, f_min_n, upper.newtons, gripper)),
-        (None, Some(best)) if !best.feasible => Some(Infeasible::of_place(best, options)),
-        (None, _) => None,
-    };
+    let of_place = || candidates.first().filter(|best| !best.feasible).map(|best| Infeasible::of_place(best, options));
+    let of_force = |reason| Infeasible::of_force(reason, f_min_n, upper.newtons, gripper);
+    let infeasible = force.infeasible_because.map(of_force).or_else(of_place);
     warnings.extend(infeasible.as_ref().map(|why| format!("no safe grip: {why}")));
     Ok(GraspReport {
         part: part.caption,
@@ -246,9 +240,21 @@ pub fn grasp(
 }
 
 /// The label of a part, with its number among the labels.
-fn label_of<'a>(part: &Part, labels: &'a [FieldLabel]) -> Result<(u32, &'a FieldLabel), GraspError> {
+fn label_of<'a>(part: &Part, labels: &'a [FieldPart]) -> Result<(u32, &'a FieldPart), GraspError> {
     let of_part = (0..).zip(labels).find(|(_, label)| label.id == part.id);
     of_part.ok_or(GraspError::NoLabel { part: part.id })
+}
+
+/// The contact with a part on which no place was found: its thickness is known, and nothing of where the fingers are.
+fn contact_nowhere(part: &Part, gripper: &GripperProfile) -> Result<Contact, GraspError> {
+    Ok(Contact {
+        thickness_m: part.thickness_m.ok_or_else(|| no_thickness(part))?,
+        pressure_arm_m: gripper.pressure_arm_m(),
+        pressure_shift_m: gripper.pressure_shift_m(),
+        width_m: 0.0,
+        lever_m: 0.0,
+        offset_m: 0.0,
+    })
 }
 
 fn no_thickness(part: &Part) -> GraspError {

@@ -338,7 +338,7 @@ mod tests {
         let drawn = faces(&palm, spacing_m(side), [0.0; 3], 0, 1.0);
         // One for each of 640 pixels on four faces, and one at either end.
         assert!((2560..3000).contains(&drawn.len()), "{}", drawn.len());
-        let ends = |of: fn(f32, f32) -> f32, from: f32| drawn.positions.iter().map(|p| p[0]).fold(from, of);
-        assert!(ends(f32::min, f32::INFINITY) < 0.2 && ends(f32::max, f32::NEG_INFINITY) > 199.8, "the whole palm");
+        let end = |farther: fn(f32, f32) -> f32, from: f32| drawn.positions.iter().map(|p| p[0]).fold(from, farther);
+        assert!(end(f32::min, f32::INFINITY) < 0.2 && end(f32::max, f32::NEG_INFINITY) > 199.8, "the whole palm");
     }
 }

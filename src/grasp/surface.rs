@@ -65,7 +65,7 @@ impl Surface {
         let nearest = self.points.iter().min_by(|a, b| distance(a).total_cmp(&distance(b)))?;
         let is_before = (point - nearest.position).dot(&nearest.normal) > 0.0;
         // If a surface was seen from one side only, a point behind it may still lie outside.
-        let all = |is: &dyn Fn(&SurfacePoint) -> bool| self.points.iter().all(is);
+        let all = |holds: &dyn Fn(&SurfacePoint) -> bool| self.points.iter().all(holds);
         let is_beyond = (0..3).any(|a| all(&|p| p.position[a] < point[a]) || all(&|p| point[a] < p.position[a]));
         Some(if is_before || is_beyond { distance(nearest) } else { 0.0 })
     }

@@ -42,6 +42,7 @@ pub use diagnose::{Doubtful, Suggestion};
 pub use misfit::misfit;
 pub use page::to_html;
 pub use text::to_text;
+use verdict::Verdict;
 
 /// Maximum number of views compared; for a longer capture, they are spread over all directions.
 const MOST_VIEWS: NonZeroUsize = NonZeroUsize::new(60).expect("sixty is not zero");
@@ -238,13 +239,7 @@ fn inspect_and_draw(
     // Views that are drawn of the mesh line up with what is sampled on it.
     let verdict = if scene.mesh.is_none() { verdict::of(&scene, &views, &fits, progress)? } else { None };
     let Diagnosis { suggestion, doubtful } = match &verdict {
-        Some(verdict) if !verdict.aligned => {
-            // What is to be found brings the cameras into the splat's own frame.
-            let in_input = scene.in_input_frame();
-            let in_input_view = |view: &View| View { camera: scene.camera_in_input(&view.camera), ..view.clone() };
-            let views: Vec<View> = views.iter().map(in_input_view).collect();
-            diagnose::suggest(&in_input, &views, &fits, verdict, progress)?
-        }
+        Some(verdict) if !verdict.aligned => diagnosis(&scene, &views, &fits, verdict, progress)?,
         _ => Diagnosis::default(),
     };
     let foreground = views.first().map(|view| photo_with_foreground(&scene, view)).transpose()?;
@@ -271,6 +266,19 @@ fn inspect_and_draw(
         doubtful,
     };
     Ok((inspection, ShownOnPage { scene, views, _pictures: pictures }))
+}
+
+/// How views that do not line up could be brought to: what is to be found brings the cameras into the splat's own frame.
+fn diagnosis(
+    scene: &Scene,
+    views: &[View],
+    fits: &[ViewFit],
+    verdict: &Verdict,
+    progress: Progress,
+) -> Result<Diagnosis, SceneError> {
+    let in_input = |view: &View| View { camera: scene.camera_in_input(&view.camera), ..view.clone() };
+    let views: Vec<View> = views.iter().map(in_input).collect();
+    diagnose::suggest(&scene.in_input_frame(), &views, fits, verdict, progress)
 }
 
 /// Draws the views of a mesh into a folder of their own; nothing for other scenes.

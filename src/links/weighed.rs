@@ -9,7 +9,7 @@ use crate::parts::Parts;
 use crate::pipeline::work_folder;
 use crate::scene::mesh::containers::{Body, Container};
 use crate::units::Estimate;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 use crate::words::output::one_line;
 use crate::words::readable::significant;
 use crate::workdir::{self, Artifact};
@@ -105,7 +105,7 @@ impl Found {
     fn read(mesh: &Path) -> Option<Self> {
         let work = work_folder(mesh, None);
         let parts: Parts = workdir::read_json(&work.join(Artifact::Parts.path())).ok()?;
-        let labels: Vec<FieldLabel> = workdir::read_json(&work.join(Artifact::Labels.path())).ok()?;
+        let voted: Vec<FieldPart> = workdir::read_json(&work.join(Artifact::Labels.path())).ok()?;
         let weighed = || parts.parts.iter().filter(|part| part.mass_kg.is_some());
         let mut materials: Vec<String> = Vec::new();
         for part in weighed().filter(|part| part.volume_m3.is_some()) {
@@ -113,14 +113,14 @@ impl Found {
                 materials.push(part.material.clone());
             }
         }
-        let frictions = labels.iter().filter(|label| weighed().any(|part| part.id == label.id));
+        let frictions = voted.iter().filter(|of| weighed().any(|part| part.id == of.id));
         Some(Self {
             volume_m3: parts.object.volume_m3,
             mass_kg: parts.object.mass_kg,
             center_of_mass_m: parts.object.center_of_mass_m,
             inertia_kg_m2: parts.object.inertia_kg_m2,
             materials,
-            friction_rubber: frictions.map(|label| label.friction_rubber.mid).fold(f64::INFINITY, f64::min),
+            friction_rubber: frictions.map(|of| of.friction_rubber.mid).fold(f64::INFINITY, f64::min),
         })
     }
 }

@@ -35,11 +35,11 @@ use crate::gaussians::Gaussians;
 use crate::query::Form;
 use crate::scene::mesh::solid::Measured;
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
-use crate::vote::{Contents, FieldLabel, MaterialField};
+use crate::vote::{Contents, FieldPart, MaterialField};
 use crate::words::output::{agreeing, counted};
 use crate::words::progress::Progress;
 use crate::words::readable::significant;
-use assign::Labelled;
+use assign::{Labelled, Labels};
 use belief::Believed;
 pub use belief::spread::together as belief_together;
 pub use belief::{Possibilities, Possible};
@@ -133,10 +133,29 @@ impl<'a> From<Option<&'a MetricScale>> for Known<'a> {
     }
 }
 
-/// Measures the parts of the object that `gaussians` represent, labelled by `field`. `cameras` are those of all views,
-/// not only of those that were segmented. `coverage` is, for each of them, the share of each pixel of its photo that the
-/// object covers (0 to 255), if known: the widths of wires are measured there. Without a scale there are shapes but no
-/// masses, and shells count as solid, since the thickness of their walls is known in metres only.
+/// The views of an object: all of them, not only those that were segmented.
+#[derive(Debug, Clone, Copy)]
+pub struct Views<'a> {
+    pub cameras: &'a [Camera],
+    /// For each of them, the share of each pixel of its photo that the object covers (0 to 255), if known: the widths of
+    /// wires are measured there.
+    pub coverage: &'a [Option<GrayImage>],
+}
+
+impl<'a> From<&'a [Camera]> for Views<'a> {
+    fn from(cameras: &'a [Camera]) -> Self {
+        Self { cameras, coverage: &[] }
+    }
+}
+
+impl<'a> From<&'a Vec<Camera>> for Views<'a> {
+    fn from(cameras: &'a Vec<Camera>) -> Self {
+        cameras.as_slice().into()
+    }
+}
+
+/// Measures the parts of the object that `gaussians` represent, labelled by `field`. Without a scale there are shapes but
+/// no masses, and shells count as solid, since the thickness of their walls is known in metres only.
 ///
 /// # Errors
 /// If an option is outside its domain, the cloud is empty, not finite or does not match the field, there are no cameras
@@ -144,29 +163,29 @@ impl<'a> From<Option<&'a MetricScale>> for Known<'a> {
 pub fn parts<'a>(
     gaussians: &Gaussians,
     field: &MaterialField,
-    cameras: &[Camera],
-    coverage: &[Option<GrayImage>],
+    views: impl Into<Views<'a>>,
     known: impl Into<Known<'a>>,
     options: &Options,
     progress: Progress,
 ) -> Result<PartsResult, PartsError> {
     options.check()?;
     check(gaussians, field)?;
-    let labels = &field.labels;
+    let Views { cameras, coverage } = views.into();
     let kept = without_floaters(gaussians, options.min_body_share);
     let grid = grid_around(gaussians, &kept, options.volume_cells);
 
     let inside = inside(gaussians, &kept, &grid, cameras, options, progress)?;
     let surface = Surface::of(&grid, &inside.cells);
     let in_view = inside.in_view(&surface);
-    let cells = assign::assign(gaussians, &kept, &field.part_label, labels.len(), grid, surface, &in_view);
+    let labels = Labels { of_gaussian: &field.part_index, kept: &kept, count: field.parts.len() };
+    let cells = assign::assign(gaussians, labels, grid, surface, &in_view);
     let chords = thickness::chords(&cells);
     let silhouettes = inside.silhouettes(cameras, coverage, options);
     // At any scale.
     let is_solid = |label| construction(label, Some(1.0), options, false) == Construction::Solid;
-    let is_solid: Vec<bool> = labels.iter().map(is_solid).collect();
+    let is_solid: Vec<bool> = field.parts.iter().map(is_solid).collect();
     let wires = wire::wires(&cells, &is_solid, &chords, &silhouettes, inside.uncertainty);
-    let thickness = thickness::thickness(&chords, labels.len());
+    let thickness = thickness::thickness(&chords, labels.count);
     let evidence = Evidence { uncertainty: inside.uncertainty, wires, mesh: None };
     weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, known.into(), options)
 }
@@ -185,9 +204,9 @@ pub fn parts_of_mesh<'a>(
 ) -> Result<PartsResult, PartsError> {
     options.check()?;
     check(gaussians, field)?;
-    let labels = field.labels.len();
     // No Gaussian of a mesh floats.
     let kept = vec![true; gaussians.len()];
+    let labels = Labels { of_gaussian: &field.part_index, kept: &kept, count: field.parts.len() };
     let grid = inside::mesh::grid_around_mesh(mesh, options.volume_cells);
     let on_grid = inside::mesh::fill(mesh, &grid);
     if !on_grid.cells.contains(&true) {
@@ -195,12 +214,12 @@ pub fn parts_of_mesh<'a>(
     }
     let surface = Surface::of(&grid, &on_grid.cells);
     let in_view = vec![true; surface.cells.len()];
-    let mut cells = assign::assign(gaussians, &kept, &field.part_label, labels, grid, surface, &in_view);
-    assign::keep_to_bodies(&mut cells, gaussians, &field.part_label, labels, mesh);
+    let mut cells = assign::assign(gaussians, labels, grid, surface, &in_view);
+    assign::keep_to_bodies(&mut cells, gaussians, labels, mesh);
     let chords = thickness::chords(&cells);
     let wires = on_grid.share.iter().map(|share| Wire { share: *share, error: 0.0 }).collect();
-    let of_mesh = OfMesh::of(mesh, on_grid, &cells, labels);
-    let of_cells = thickness::thickness(&chords, labels);
+    let of_mesh = OfMesh::of(mesh, on_grid, &cells, labels.count);
+    let of_cells = thickness::thickness(&chords, labels.count);
     let thickness = of_cells.into_iter().enumerate().map(|(label, of_cells)| of_mesh.thickness(label, of_cells));
     let thickness = thickness.collect();
     let evidence = Evidence { uncertainty: 0.0, wires, mesh: Some(of_mesh) };
@@ -226,12 +245,12 @@ impl Found {
     /// How to fill the volume of each label.
     fn constructions(
         &self,
-        labels: &[FieldLabel],
+        labels: &[FieldPart],
         meters_per_unit: Option<f64>,
         options: &Options,
     ) -> Vec<Construction> {
         let mesh = self.evidence.mesh.as_ref();
-        let of_label = |(l, label): (usize, &FieldLabel)| {
+        let of_label = |(l, label): (usize, &FieldPart)| {
             let answered = construction(label, meters_per_unit, options, mesh.is_some_and(OfMesh::is_sheet));
             mesh.map_or(answered, |mesh| mesh.construction(l, answered))
         };
@@ -243,7 +262,7 @@ impl Found {
     fn built_once(
         &self,
         field: &MaterialField,
-        labels: Vec<FieldLabel>,
+        labels: Vec<FieldPart>,
         constructions: Vec<Construction>,
         ways: &mut Vec<Built>,
     ) -> Built {
@@ -254,16 +273,16 @@ impl Found {
     }
 
     /// The labels filled as `constructions` say.
-    fn built(&self, field: &MaterialField, labels: Vec<FieldLabel>, constructions: Vec<Construction>) -> Built {
+    fn built(&self, field: &MaterialField, labels: Vec<FieldPart>, constructions: Vec<Construction>) -> Built {
         let (composed, cells) = compose::compose(self.cells.clone(), &constructions, &self.chords, &self.evidence);
-        let shapes = shapes(&labels, &field.part_label, &composed, &cells, &constructions, &self.thickness);
+        let shapes = shapes(&labels, &field.part_index, &composed, &cells, &constructions, &self.thickness);
         Built { labels, constructions, composed, cells, shapes }
     }
 }
 
 /// The object, filled with material.
 struct Built {
-    labels: Vec<FieldLabel>,
+    labels: Vec<FieldPart>,
     /// Per label, like `shapes`.
     constructions: Vec<Construction>,
     composed: Composed,
@@ -307,15 +326,15 @@ fn weigh(
     let possible = possible.filter(|possible| meters_per_unit.is_some() && possible.most_choices() > 0);
     let believed = possible.map(|possible| believed(field, &found, possible, scaled, options));
     let (believed, mut ways) = believed.map_or((None, Vec::new()), |(believed, ways)| (Some(believed), ways));
-    let labels = possible.zip(believed.as_ref()).map(|(possible, of)| possible.labels_taken(field, &of.taken));
-    let labels = labels.unwrap_or_else(|| field.labels.clone());
+    let labels = possible.zip(believed.as_ref()).map(|(possible, of)| possible.parts_taken(field, &of.taken));
+    let labels = labels.unwrap_or_else(|| field.parts.clone());
     let constructions = found.constructions(&labels, meters_per_unit, options);
     let mut warnings = unfilled(&found, &labels, meters_per_unit, options, &constructions);
     let mut built = found.built_once(field, labels, constructions, &mut ways);
     drop(ways);
 
     let connected = Bodies::of(&built.composed.interior, built.constructions.len());
-    let mut bodies = bodies(&built.composed, &connected, &built.shapes, gaussians, &field.part_label);
+    let mut bodies = bodies(&built.composed, &connected, &built.shapes, gaussians, &field.part_index);
     let mut weights = Weights::new(&built.weighables(&bodies), scaled);
     let known_mass = meters_per_unit.and(options.reading_kg()).map(|kg| known_mass(&mut weights, kg, options));
     if let Some(of) = believed.as_ref().filter(|_| known_mass.is_none()) {
@@ -366,8 +385,8 @@ fn scale_of(
         return (Some(*meters_per_unit), weights::Scale { meters_per_unit: *meters_per_unit, range: *range });
     }
     let of_mass = options.reading_kg().and_then(|kg| {
-        let build = |meters| found.constructions(&field.labels, Some(meters), options);
-        scale::meters_per_unit(kg, &found.cells, &found.chords, &found.evidence, &field.labels, build)
+        let build = |meters| found.constructions(&field.parts, Some(meters), options);
+        scale::meters_per_unit(kg, &found.cells, &found.chords, &found.evidence, &field.parts, build)
     });
     (of_mass, weights::Scale::to_be_found(of_mass.unwrap_or(1.0)))
 }
@@ -381,12 +400,12 @@ fn believed(
     options: &Options,
 ) -> (Believed, Vec<Built>) {
     let mut unknowns = Unknowns::default();
-    let no_bodies: Vec<Vec<Body>> = field.labels.iter().map(|_| Vec::new()).collect();
+    let no_bodies: Vec<Vec<Body>> = field.parts.iter().map(|_| Vec::new()).collect();
     let mut label_of = Vec::new();
     let (mut weights, mut labels) = (Vec::new(), Vec::new());
     let mut ways: Vec<Built> = Vec::new();
     for choice in 0..possible.most_choices() {
-        let chosen = possible.labels_with(field, choice);
+        let chosen = possible.parts_with(field, choice);
         let constructions = found.constructions(&chosen, Some(scale.meters_per_unit), options);
         let built = found.built_once(field, chosen, constructions, &mut ways);
         weights.push(weights::weights(&built.weighables(&no_bodies), scale, &mut unknowns));
@@ -435,11 +454,11 @@ fn bodies(
     connected: &Bodies,
     shapes: &[Shape],
     gaussians: &Gaussians,
-    part_label: &[u32],
+    part_index: &[u32],
 ) -> Vec<Vec<Body>> {
     let shares = interior.filled().map(|(i, _, share)| (i, connected.of_cell[i] as usize, share));
     let moments = Moments::of(&interior.grid, shares, connected.label.len());
-    let counts = connected.gaussians(gaussians, part_label, &interior.grid);
+    let counts = connected.gaussians(gaussians, part_index, &interior.grid);
     let mut filled = vec![0.0; shapes.len()];
     for (label, moments) in connected.label.iter().zip(&moments) {
         filled[*label as usize] += moments.map_or(0.0, |m| m.volume);
@@ -467,12 +486,12 @@ fn check(gaussians: &Gaussians, field: &MaterialField) -> Result<(), PartsError>
     if gaussians.is_empty() {
         return Err(PartsError::NoGaussians);
     }
-    if field.part_label.len() != gaussians.len() {
-        return Err(PartsError::FieldSize { field: field.part_label.len(), gaussians: gaussians.len() });
+    if field.part_index.len() != gaussians.len() {
+        return Err(PartsError::FieldSize { field: field.part_index.len(), gaussians: gaussians.len() });
     }
-    let labels = field.labels.len();
-    if let Some(gaussian) = field.part_label.iter().position(|&l| l as usize >= labels) {
-        return Err(PartsError::Label { gaussian, label: field.part_label[gaussian], labels });
+    let labels = field.parts.len();
+    if let Some(gaussian) = field.part_index.iter().position(|&l| l as usize >= labels) {
+        return Err(PartsError::Label { gaussian, label: field.part_index[gaussian], labels });
     }
     let is_finite = |i: usize| {
         gaussians.positions[i].iter().all(|v| v.is_finite()) && gaussians.scale(i).iter().all(|s| s.is_finite())
@@ -484,7 +503,7 @@ fn check(gaussians: &Gaussians, field: &MaterialField) -> Result<(), PartsError>
 }
 
 /// How to fill a label's volume by its answer. `is_sheet`: it is part of a mesh that bounds nothing.
-fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Options, is_sheet: bool) -> Construction {
+fn construction(label: &FieldPart, meters_per_unit: Option<f64>, options: &Options, is_sheet: bool) -> Construction {
     let wall_m = match (options.volume, label.form) {
         (VolumeMethod::Hybrid, Form::Solid | Form::Mixed) if is_sheet => Some(options.sheet_m()),
         (VolumeMethod::Fill | VolumeMethod::Carve, _) | (VolumeMethod::Hybrid, Form::Solid | Form::Mixed) => None,
@@ -506,13 +525,13 @@ fn construction(label: &FieldLabel, meters_per_unit: Option<f64>, options: &Opti
 /// Messages about what the mesh shows otherwise than the answers say.
 fn unfilled(
     found: &Found,
-    labels: &[FieldLabel],
+    labels: &[FieldPart],
     meters_per_unit: Option<f64>,
     options: &Options,
     constructions: &[Construction],
 ) -> Vec<String> {
     let Some(mesh) = &found.evidence.mesh else { return Vec::new() };
-    let of_label = |(l, label): (usize, &FieldLabel)| {
+    let of_label = |(l, label): (usize, &FieldPart)| {
         let answered = construction(label, meters_per_unit, options, false);
         match (answered, constructions[l]) {
             (Construction::Wall { filled: Some(_), .. }, Construction::Solid) => Some(format!(
@@ -537,15 +556,15 @@ fn unfilled(
 }
 
 fn shapes(
-    labels: &[FieldLabel],
-    part_label: &[u32],
+    labels: &[FieldPart],
+    part_index: &[u32],
     composed: &Composed,
     cells: &assign::Labelled,
     constructions: &[Construction],
     thickness: &[Option<Estimate>],
 ) -> Vec<Shape> {
     let mut gaussians = vec![0; constructions.len()];
-    part_label.iter().for_each(|&l| gaussians[l as usize] += 1);
+    part_index.iter().for_each(|&l| gaussians[l as usize] += 1);
     let mut owns_places = vec![false; constructions.len()];
     cells.label.iter().filter(|&&l| l != NONE).for_each(|&l| owns_places[l as usize] = true);
     let shape = |l: usize| {
@@ -587,12 +606,12 @@ fn set_distances(
     }
 }
 
-fn caption<'a>(labels: &'a [FieldLabel], shape: &Shape) -> &'a str {
+fn caption<'a>(labels: &'a [FieldPart], shape: &Shape) -> &'a str {
     labels.iter().find(|label| label.id == shape.id).map_or("", |label| &label.caption)
 }
 
 /// The error that no part has a volume, with the reason for each.
-fn no_volume(labels: &[FieldLabel], shapes: &[Shape]) -> PartsError {
+fn no_volume(labels: &[FieldPart], shapes: &[Shape]) -> PartsError {
     let used: Vec<&Shape> = shapes.iter().filter(|shape| shape.gaussians > 0).collect();
     let why = used.iter().filter_map(|shape| {
         let (name, count) = (caption(labels, shape), shape.gaussians);
@@ -610,11 +629,11 @@ const FEW: f64 = 0.001;
 const USUAL_FLOATERS: f64 = 0.01;
 
 fn is_few(gaussians: usize, field: &MaterialField) -> bool {
-    gaussians as f64 <= FEW * field.part_label.len() as f64
+    gaussians as f64 <= FEW * field.part_index.len() as f64
 }
 
 fn are_usual(floaters: usize, field: &MaterialField) -> bool {
-    floaters as f64 <= USUAL_FLOATERS * field.part_label.len() as f64
+    floaters as f64 <= USUAL_FLOATERS * field.part_index.len() as f64
 }
 
 /// Messages about what may make the masses wrong, and what to do. `lacks_walls`: some parts would be walls, but have none
@@ -623,7 +642,7 @@ fn warnings(built: &Built, field: &MaterialField, floaters: usize, lacks_walls: 
     let Built { labels, shapes, .. } = built;
     let mut warnings = Vec::new();
     if !are_usual(floaters, field) {
-        let all = field.part_label.len();
+        let all = field.part_index.len();
         warnings.push(format!(
             "{floaters} of {all} Gaussians ({:.1} %) float off the object and are not counted in any volume; if they \
              belong to it, lower --min-body-share",
@@ -658,7 +677,7 @@ fn notes(built: &Built, field: &MaterialField, floaters: usize, min_part_share: 
     let caption_of = |label: u32| &labels[label as usize].caption;
     let mut notes = Vec::new();
     if floaters > 0 && are_usual(floaters, field) {
-        let count = field.part_label.len();
+        let count = field.part_index.len();
         let float = agreeing(floaters, "floats off the object and is", "float off the object and are");
         notes.push(format!("{floaters} of {count} Gaussians {float} not counted in any volume"));
     }
@@ -666,7 +685,7 @@ fn notes(built: &Built, field: &MaterialField, floaters: usize, min_part_share: 
         let (name, count) = (caption(labels, shape), shape.gaussians);
         notes.push(format!(
             "part {name:?} ({count} of {} Gaussians) {why}, so it has no volume and no mass",
-            field.part_label.len()
+            field.part_index.len()
         ));
     }
     let volumes = || shapes.iter().filter_map(|shape| Some((shape, shape.volume?.mid)));

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::mass::unknowns::Source;
 use crate::query::{PartQuestion, Why};
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
-use crate::vote::{Corrected, FieldLabel};
+use crate::vote::{Corrected, FieldPart};
 use crate::words::readable::significant;
 
 /// The object and its parts, in metres and kilograms. Written as `parts.json`.
@@ -66,13 +66,13 @@ impl Parts {
     }
 
     /// The parts by id. The bodies of a part that are written as parts (`--bodies parts`) are combined.
-    pub fn by_label(&self) -> impl Iterator<Item = Part> {
-        self.bodies_by_label().map(combined)
+    pub fn whole_parts(&self) -> impl Iterator<Item = Part> {
+        self.bodies_of_parts().map(combined)
     }
 
     /// The part with this id, of all its bodies.
-    pub fn of_label(&self, id: u32) -> Option<Part> {
-        self.bodies_by_label().find(|bodies| bodies[0].id == id).map(combined)
+    pub fn part(&self, id: u32) -> Option<Part> {
+        self.bodies_of_parts().find(|bodies| bodies[0].id == id).map(combined)
     }
 
     /// Whether a weighing, or what else is known of the object, has changed what is believed about them.
@@ -81,15 +81,15 @@ impl Parts {
     }
 
     /// Gives each label the density that is believed of its part.
-    pub fn set_densities(&self, labels: &mut [FieldLabel]) {
-        for part in self.by_label() {
+    pub fn set_densities(&self, labels: &mut [FieldPart]) {
+        for part in self.whole_parts() {
             if let Some(label) = labels.iter_mut().find(|label| label.id == part.id) {
                 label.density_kg_m3 = part.density_kg_m3;
             }
         }
     }
 
-    fn bodies_by_label(&self) -> impl Iterator<Item = &[Part]> {
+    fn bodies_of_parts(&self) -> impl Iterator<Item = &[Part]> {
         self.parts.chunk_by(|one, next| one.id == next.id)
     }
 
@@ -141,8 +141,8 @@ pub struct ObjectBelief {
 
 impl ObjectBelief {
     /// For each label, by its part id, the index of the way that is taken.
-    pub fn taken(&self, labels: &[FieldLabel]) -> Vec<Option<usize>> {
-        let taken_of = |label: &FieldLabel| self.parts.iter().find(|part| part.id == label.id).map(|part| part.taken);
+    pub fn taken(&self, labels: &[FieldPart]) -> Vec<Option<usize>> {
+        let taken_of = |label: &FieldPart| self.parts.iter().find(|part| part.id == label.id).map(|part| part.taken);
         labels.iter().map(taken_of).collect()
     }
 }

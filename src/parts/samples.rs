@@ -11,7 +11,7 @@ use serde::Serialize;
 use super::belief::spread::Spread;
 use super::{BelievedChoice, BelievedPart, Part, Parts};
 use crate::units::{Estimate, Range};
-use crate::vote::{Contents, FieldLabel};
+use crate::vote::{Contents, FieldPart};
 
 /// One way in which everything may be. All samples are equally probable.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -60,9 +60,9 @@ const SEED: u64 = 1;
 
 /// `count` samples. `labels` gives, by part id, the properties of a part for each way in which it may be made; if there is one way,
 /// one.
-pub fn samples(parts: &Parts, labels: &dyn Fn(u32) -> Vec<FieldLabel>, count: usize) -> Vec<Sample> {
+pub fn samples(parts: &Parts, labels: &dyn Fn(u32) -> Vec<FieldPart>, count: usize) -> Vec<Sample> {
     let mut random = fastrand::Rng::with_seed(SEED);
-    let by_label = parts.by_label().map(|part| (labels(part.id), part));
+    let by_label = parts.whole_parts().map(|part| (labels(part.id), part));
     let object = Object { parts, by_label: by_label.filter(|(labels, _)| !labels.is_empty()).collect() };
     let mut found = Vec::with_capacity(count);
     let mut reached = 0.0;
@@ -114,7 +114,7 @@ enum What<'a> {
     /// A part made in one way, with its density after the evidence.
     Part {
         part: &'a Part,
-        label: &'a FieldLabel,
+        label: &'a FieldPart,
         density_kg_m3: Estimate,
     },
     Filling {
@@ -128,7 +128,7 @@ enum What<'a> {
 struct Object<'a> {
     parts: &'a Parts,
     /// Each with its properties for every way in which it may be made.
-    by_label: Vec<(Vec<FieldLabel>, Part)>,
+    by_label: Vec<(Vec<FieldPart>, Part)>,
 }
 
 impl Object<'_> {
@@ -191,7 +191,7 @@ impl Object<'_> {
     }
 
     /// A part and its filling as they were weighed.
-    fn items_of<'a>(&'a self, part: &'a Part, label: &'a FieldLabel) -> impl Iterator<Item = Item<'a>> {
+    fn items_of<'a>(&'a self, part: &'a Part, label: &'a FieldPart) -> impl Iterator<Item = Item<'a>> {
         let what = What::Part { part, label, density_kg_m3: part.density_kg_m3 };
         let own = part.mass_kg.map(|mass_kg| Item { what, mass_kg });
         let filling = self.parts.fillings.iter().filter(move |filling| filling.inside_of == part.id);
@@ -246,7 +246,7 @@ impl<'a> Item<'a> {
     /// A part that is made in this way, and its filling.
     fn of_choice(
         part: &'a Part,
-        label: &'a FieldLabel,
+        label: &'a FieldPart,
         choice: &BelievedChoice,
     ) -> impl Iterator<Item = Self> + use<'a> {
         let what = What::Part { part, label, density_kg_m3: label.density_kg_m3 };
@@ -411,7 +411,7 @@ mod tests {
 
     fn sampled(parts: &Parts, count: usize) -> Vec<Sample> {
         let library = MaterialLibrary::builtin();
-        let labels = |id| ["steel, mild", "abs"].map(|name| FieldLabel::of(id, library.get(name).unwrap())).to_vec();
+        let labels = |id| ["steel, mild", "abs"].map(|name| FieldPart::of(id, library.get(name).unwrap())).to_vec();
         samples(parts, &labels, count)
     }
 

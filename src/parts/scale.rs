@@ -2,7 +2,7 @@
 
 use super::assign::Labelled;
 use super::compose::{Construction, Evidence, compose, thickness::Chord};
-use crate::vote::{Contents, FieldLabel};
+use crate::vote::{Contents, FieldPart};
 
 /// A trial changes the scale by less than this once it has converged.
 const CONVERGED: f64 = 1e-4;
@@ -17,12 +17,12 @@ pub fn meters_per_unit(
     cells: &Labelled,
     chords: &[Option<Chord>],
     evidence: &Evidence,
-    labels: &[FieldLabel],
+    labels: &[FieldPart],
     constructions: impl Fn(f64) -> Vec<Construction>,
 ) -> Option<f64> {
     let weigh = |meters: f64| {
         let (composed, _) = compose(cells.clone(), &constructions(meters), chords, evidence);
-        let mass_of = |(l, label): (usize, &FieldLabel)| {
+        let mass_of = |(l, label): (usize, &FieldPart)| {
             let filling = match (&composed.hollows[l], &label.inside) {
                 (Some(hollow), Some(Contents::Filled(filled))) => {
                     hollow.volume.mid * filled.share.mid * filled.density_kg_m3.mid

@@ -3,23 +3,23 @@
 use super::palette;
 use crate::gaussians::{Gaussians, SH_C0};
 use crate::vote::field_ply::material_names;
-use crate::vote::{FieldLabel, MaterialField};
+use crate::vote::{FieldPart, MaterialField};
 
 /// One colour per Gaussian, that of its part.
 pub fn part_colors(field: &MaterialField) -> Vec<[f32; 3]> {
-    let of_label: Vec<_> = field.labels.iter().map(|label| palette::part(label.id)).collect();
-    field.part_label.iter().map(|&label| of_label[label as usize]).collect()
+    let of_part: Vec<_> = field.parts.iter().map(|part| palette::part(part.id)).collect();
+    field.part_index.iter().map(|&part| of_part[part as usize]).collect()
 }
 
 /// One colour per Gaussian, that of its material: the palette's colour at its `material_id`.
 pub fn material_colors(field: &MaterialField) -> Vec<[f32; 3]> {
-    let names = material_names(&field.labels);
-    let place = |label: &FieldLabel| names.binary_search(&label.material.as_str()).expect("every material is listed");
-    let of_label: Vec<_> = field.labels.iter().map(|label| palette::material(place(label) as u32)).collect();
-    field.part_label.iter().map(|&label| of_label[label as usize]).collect()
+    let names = material_names(&field.parts);
+    let place = |part: &FieldPart| names.binary_search(&part.material.as_str()).expect("every material is listed");
+    let of_part: Vec<_> = field.parts.iter().map(|part| palette::material(place(part) as u32)).collect();
+    field.part_index.iter().map(|&part| of_part[part as usize]).collect()
 }
 
-/// One colour per Gaussian for the confidence in its label, from dark purple (never seen) through green to yellow (all
+/// One colour per Gaussian for the confidence in its part, from dark purple (never seen) through green to yellow (all
 /// votes agree).
 pub fn confidence_colors(field: &MaterialField) -> Vec<[f32; 3]> {
     field.confidence.iter().map(|confidence| palette::scale(*confidence)).collect()

@@ -81,9 +81,9 @@ fn materials(framing: &Framing, ShownObject { gaussians, field, .. }: ShownObjec
 /// The parts, each with its number where the picture shows it.
 fn parts(framing: &Framing, ShownObject { gaussians, field, .. }: ShownObject) -> Panel {
     let mut picture = framing.colored(gaussians, &field_colors::part_colors(field));
-    let labels = framing.labels(gaussians, &field.part_label);
+    let labels = framing.labels(gaussians, &field.part_index);
     let radius = (f64::from(picture.width().min(picture.height())) / 36.0).clamp(9.0, 15.0);
-    for (label, place) in field.labels.iter().zip(middles(&labels, picture.width() as usize, field.labels.len())) {
+    for (label, place) in field.parts.iter().zip(middles(&labels, picture.width() as usize, field.parts.len())) {
         let Some((x, y)) = place else { continue };
         let center = Point2::new(f64::from(x) + 0.5, f64::from(y) + 0.5);
         strokes::numbered(&mut picture, center, radius, palette::bytes(palette::part(label.id)), label.id);

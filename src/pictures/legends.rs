@@ -2,16 +2,16 @@
 
 use super::palette;
 use super::panels::{Entry, Key};
-use crate::vote::{FieldLabel, MaterialField, field_ply};
+use crate::vote::{FieldPart, MaterialField, field_ply};
 use crate::words::part_name::part_name;
 
 /// The parts with their numbers.
 pub fn parts(field: &MaterialField) -> Vec<Entry> {
-    let entry = |label: &FieldLabel| Entry {
-        text: part_name(&label.caption, &label.material),
-        key: Key::Number(palette::bytes(palette::part(label.id)), label.id),
+    let entry = |part: &FieldPart| Entry {
+        text: part_name(&part.caption, &part.material),
+        key: Key::Number(palette::bytes(palette::part(part.id)), part.id),
     };
-    field.labels.iter().map(entry).collect()
+    field.parts.iter().map(entry).collect()
 }
 
 /// The materials.
@@ -20,7 +20,7 @@ pub fn materials(field: &MaterialField) -> Vec<Entry> {
         text: name.to_owned(),
         key: Key::Square(palette::bytes(palette::material(n))),
     };
-    (0..).zip(field_ply::material_names(&field.labels)).map(entry).collect()
+    (0..).zip(field_ply::material_names(&field.parts)).map(entry).collect()
 }
 
 /// Three values of the confidence.

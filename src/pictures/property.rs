@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use super::palette;
 use super::panels::{Entry, Key};
 use crate::units::ShoreScale;
-use crate::vote::{FieldLabel, MaterialField};
+use crate::vote::{FieldPart, MaterialField};
 
 /// A property that a picture can show.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -41,21 +41,21 @@ impl Property {
     /// One colour per Gaussian, from dark purple, low, through green to yellow, high; grey if its part has no such value.
     pub fn colors(self, field: &MaterialField) -> Vec<[f32; 3]> {
         let scale = self.scale(field);
-        let of_label: Vec<[f32; 3]> = field.labels.iter().map(|label| self.color(label, scale)).collect();
-        field.part_label.iter().map(|&label| of_label[label as usize]).collect()
+        let of_part: Vec<[f32; 3]> = field.parts.iter().map(|part| self.color(part, scale)).collect();
+        field.part_index.iter().map(|&part| of_part[part as usize]).collect()
     }
 
     /// The scale of colours, and below it each value with a material that has it, once, the highest first.
     pub fn legend(self, field: &MaterialField) -> Vec<Entry> {
         let scale = self.scale(field);
-        let mut labels: Vec<&FieldLabel> = field.labels.iter().collect();
-        let place = |label: &FieldLabel| self.place(label, scale).unwrap_or(-1.0);
-        labels.sort_by(|a, b| place(b).total_cmp(&place(a)).then(a.material.cmp(&b.material)));
-        let entry = |label: &FieldLabel| Entry {
-            text: format!("{} {}", self.text(label), label.material),
-            key: Key::Square(palette::bytes(self.color(label, scale))),
+        let mut parts: Vec<&FieldPart> = field.parts.iter().collect();
+        let place = |part: &FieldPart| self.place(part, scale).unwrap_or(-1.0);
+        parts.sort_by(|a, b| place(b).total_cmp(&place(a)).then(a.material.cmp(&b.material)));
+        let entry = |part: &FieldPart| Entry {
+            text: format!("{} {}", self.text(part), part.material),
+            key: Key::Square(palette::bytes(self.color(part, scale))),
         };
-        let mut entries: Vec<Entry> = labels.into_iter().map(entry).collect();
+        let mut entries: Vec<Entry> = parts.into_iter().map(entry).collect();
         let mut known = BTreeSet::new();
         entries.retain(|entry| known.insert(entry.text.clone()));
         entries.insert(0, Entry { text: self.ends(scale), key: Key::Scale });
@@ -63,17 +63,17 @@ impl Property {
     }
 
     /// `None` for a hardness that the material does not have.
-    fn value(self, label: &FieldLabel) -> Option<f64> {
+    fn value(self, part: &FieldPart) -> Option<f64> {
         match self {
-            Self::Hardness => label.hardness.map(|hardness| hardness.range.mid()),
-            Self::YoungsModulus => Some(label.youngs_modulus_pa.mid),
-            Self::Density => Some(label.density_kg_m3.mid),
-            Self::Friction => Some(label.friction_rubber.mid),
+            Self::Hardness => part.hardness.map(|hardness| hardness.range.mid()),
+            Self::YoungsModulus => Some(part.youngs_modulus_pa.mid),
+            Self::Density => Some(part.density_kg_m3.mid),
+            Self::Friction => Some(part.friction_rubber.mid),
         }
     }
 
     fn scale(self, field: &MaterialField) -> Scale {
-        let values = || field.labels.iter().filter_map(|label| self.value(label));
+        let values = || field.parts.iter().filter_map(|part| self.value(part));
         match self {
             Self::Hardness => Scale::Shore,
             Self::YoungsModulus | Self::Density => {
@@ -88,32 +88,32 @@ impl Property {
     }
 
     /// 0 to 1; `None` if the part has no such value.
-    fn place(self, label: &FieldLabel, scale: Scale) -> Option<f32> {
-        let value = self.value(label)?;
+    fn place(self, part: &FieldPart, scale: Scale) -> Option<f32> {
+        let value = self.value(part)?;
         let place = match scale {
             Scale::Logarithmic([low, high]) => (value / low).ln() / (high / low).ln(),
             Scale::Linear(high) => value / high,
             Scale::Shore => {
                 let half = 0.5 * value / 100.0;
-                if label.hardness?.scale == ShoreScale::D { 0.5 + half } else { half }
+                if part.hardness?.scale == ShoreScale::D { 0.5 + half } else { half }
             }
         };
         Some(place as f32)
     }
 
-    fn color(self, label: &FieldLabel, scale: Scale) -> [f32; 3] {
-        self.place(label, scale).map_or(palette::NOTHING, palette::scale)
+    fn color(self, part: &FieldPart, scale: Scale) -> [f32; 3] {
+        self.place(part, scale).map_or(palette::NOTHING, palette::scale)
     }
 
-    fn text(self, label: &FieldLabel) -> String {
-        match (self, label.hardness) {
+    fn text(self, part: &FieldPart) -> String {
+        match (self, part.hardness) {
             (Self::Hardness, None) => "no hardness:".to_owned(),
             (Self::Hardness, Some(hardness)) => {
                 format!("Shore {} {:.0}", if hardness.scale == ShoreScale::D { "D" } else { "A" }, hardness.range.mid())
             }
-            (Self::YoungsModulus, _) => pressure(label.youngs_modulus_pa.mid),
-            (Self::Density, _) => format!("{:.0}", label.density_kg_m3.mid),
-            (Self::Friction, _) => format!("{:.2}", label.friction_rubber.mid),
+            (Self::YoungsModulus, _) => pressure(part.youngs_modulus_pa.mid),
+            (Self::Density, _) => format!("{:.0}", part.density_kg_m3.mid),
+            (Self::Friction, _) => format!("{:.2}", part.friction_rubber.mid),
         }
     }
 
@@ -149,9 +149,9 @@ mod tests {
     use crate::query::Form;
     use crate::units::{Estimate, Range, ShoreHardness};
 
-    fn label(material: &str, shore_d: f64) -> FieldLabel {
+    fn part(material: &str, shore_d: f64) -> FieldPart {
         let range = Range::exactly(shore_d);
-        FieldLabel {
+        FieldPart {
             id: 0,
             caption: String::new(),
             material: material.to_owned(),
@@ -175,8 +175,8 @@ mod tests {
     #[test]
     fn a_legend_has_each_line_once() {
         let field = MaterialField {
-            labels: vec![label("oak", 70.2), label("beech", 70.1), label("oak", 70.0)],
-            part_label: Vec::new(),
+            parts: vec![part("oak", 70.2), part("beech", 70.1), part("oak", 70.0)],
+            part_index: Vec::new(),
             confidence: Vec::new(),
             votes: Vec::new(),
             views: Vec::new(),

@@ -45,7 +45,7 @@ pub fn before_and_after(
     ShownObject { gaussians, field, .. }: ShownObject,
 ) -> RgbImage {
     let framing = Framing::new(camera, photo, PANEL_PX, PANEL_NARROWEST);
-    let voted = material_names(&field.labels);
+    let voted = material_names(&field.parts);
     let mut names: Vec<&str> = voted.clone();
     for name in answered.values() {
         if !names.contains(&name.as_str()) {

@@ -44,7 +44,7 @@ pub fn run(
 pub fn run_on_field(open: &OpenScene, config: Option<&Path>) -> Result<(CompatReport, PathBuf)> {
     let (field, options) = (open.get::<MaterialField>()?, &open.options.simulate);
     let most_pa = options.max_stiffness.unwrap_or(SOFT_PA);
-    let estimated = Estimated::new(&field.part_label, &field.labels, options.soften, most_pa);
+    let estimated = Estimated::new(&field.part_index, &field.parts, options.soften, most_pa);
     let config = match config {
         Some(path) => configuration(path)?,
         None => Config::from_map(estimated.configuration(estimated.main()))?,

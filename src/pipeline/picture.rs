@@ -23,7 +23,7 @@ use super::segment_files::{
     SegmentsFile, ViewEntry, check_formats, models_key, open_segmenter, remove_other_formats, shows_only,
     stored_segments, write_other_formats,
 };
-use crate::query::session::{QuerySession, QueryView, Subjects, WholeViews, check_recordings, write_sheets};
+use crate::query::session::{Folders, QuerySession, QueryView, Subjects, WholeViews, check_recordings, write_sheets};
 
 /// A picture being segmented and queried.
 pub struct Picture {
@@ -125,7 +125,8 @@ impl Picture {
             whole: WholeViews::default(),
             regions: Vec::new(),
         };
-        QuerySession::new(query, subjects, &self.library, home, &self.work, network, self.progress)
+        let folders = Folders { home, work: &self.work };
+        QuerySession::new(query, subjects, &self.library, folders, network, self.progress)
     }
 
     /// Answers the queries and draws the material map.

@@ -87,7 +87,7 @@ impl Cloud {
         for channel in 0..3 {
             bytes.extend(chosen.iter().map(|&i| byte(0.5 + SH_C0 * gaussians.sh_dc[i][channel])));
         }
-        bytes.extend(chosen.iter().flat_map(|&i| (field.part_label[i] as u16).to_le_bytes()));
+        bytes.extend(chosen.iter().flat_map(|&i| (field.part_index[i] as u16).to_le_bytes()));
         bytes.extend(chosen.iter().map(|&i| byte(field.confidence[i])));
         Self {
             count,
@@ -97,7 +97,7 @@ impl Cloud {
             sphere: sphere(gaussians, &chosen),
             eye,
             gzip: gzip(&bytes),
-            labels: chosen.iter().map(|&i| field.part_label[i]).collect(),
+            labels: chosen.iter().map(|&i| field.part_index[i]).collect(),
             chosen,
         }
     }
@@ -147,8 +147,8 @@ mod tests {
             ..Gaussians::default()
         };
         let field = MaterialField {
-            labels: Vec::new(),
-            part_label: (0..count as u32).collect(),
+            parts: Vec::new(),
+            part_index: (0..count as u32).collect(),
             confidence: vec![1.0; count],
             votes: vec![1.0; count],
             views: vec![1; count],
@@ -199,7 +199,7 @@ mod tests {
         gaussians.rotations.push([1.0, 0.0, 0.0, 0.0]);
         gaussians.opacity_logits.push(20.0);
         gaussians.sh_dc.push([0.0; 3]);
-        let field = MaterialField { part_label: vec![0; 1002], confidence: vec![1.0; 1002], ..field };
+        let field = MaterialField { part_index: vec![0; 1002], confidence: vec![1.0; 1002], ..field };
         let Sphere { center, radius } = Cloud::new(&gaussians, &field, Point3::origin()).sphere;
         assert!((499.0..=503.0).contains(&center.x), "{center}");
         assert!(center.x - radius <= 1.0 && center.x + radius >= 1000.0 && radius < 510.0, "{radius}");

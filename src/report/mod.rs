@@ -19,7 +19,7 @@ use crate::parts::Parts;
 use crate::query::{Answers, Match, Outcome};
 use crate::simulate::SimulationReport;
 use crate::units::MetricScale;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 pub use cloud::{Cloud, Sphere};
 pub use disagreement::{Disagreement, NamedMaterial};
@@ -61,8 +61,8 @@ pub struct Report {
     /// `None` if the metric scale is unknown.
     pub parts: Option<Parts>,
     /// The properties of each part, by id.
-    pub labels: Vec<FieldLabel>,
-    /// Number of Gaussians with each of the labels.
+    pub labels: Vec<FieldPart>,
+    /// Number of Gaussians of each of these parts.
     pub gaussians_per_label: Vec<usize>,
     /// `None` if it was left out.
     pub simulation: Option<SimulationReport>,
@@ -77,9 +77,9 @@ pub struct Report {
 }
 
 impl Report {
-    /// Number of Gaussians with a label.
-    fn gaussians_of(&self, label: &FieldLabel) -> Option<usize> {
-        let index = self.labels.iter().position(|other| other.id == label.id)?;
+    /// Number of Gaussians of a part.
+    fn gaussians_of(&self, part: &FieldPart) -> Option<usize> {
+        let index = self.labels.iter().position(|other| other.id == part.id)?;
         self.gaussians_per_label.get(index).copied()
     }
 }
@@ -129,7 +129,7 @@ pub struct SceneSummary {
     pub longest_side: f64,
     /// Names of the chosen views.
     pub views: Vec<String>,
-    /// Number of Gaussians that at least one view sees; the others take the label of their neighbours.
+    /// Number of Gaussians that at least one view sees; the others take the part of their neighbours.
     pub seen_gaussians: usize,
 }
 

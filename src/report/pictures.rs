@@ -112,8 +112,8 @@ impl ViewPictures {
         field: &MaterialField,
     ) -> Result<Self, PictureError> {
         let photo = view.photo()?;
-        let labels = render_labels(gaussians, &view.camera, &field.part_label, &RenderOptions::default());
-        let id_of = |label: u32| field.labels[label as usize].id;
+        let labels = render_labels(gaussians, &view.camera, &field.part_index, &RenderOptions::default());
+        let id_of = |label: u32| field.parts[label as usize].id;
         let part_of_segment: BTreeMap<u16, u32> =
             labels_of_segments(map, &labels).into_iter().map(|(segment, label)| (segment, id_of(label))).collect();
         let color = |segment| part_of_segment.get(&segment).map_or(palette::NOTHING, |part| palette::part(*part));

@@ -7,7 +7,7 @@ use super::Report;
 use crate::grasp::{ForceRule, GraspReport, Limit};
 use crate::parts::Parts;
 use crate::units::{Estimate, MetricScale, ScaleSource};
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 use crate::words::output::{counted, one_line};
 use crate::words::part_name::part_name;
 use crate::words::readable::{Figures, figures, interval, mass, significant};
@@ -53,13 +53,13 @@ pub fn provisional_line(provisional: Option<&str>) -> String {
 }
 
 /// A line for each part: its number, material, mass and name.
-pub fn part_lines(labels: &[FieldLabel], parts: Option<&Parts>) -> String {
+pub fn part_lines(labels: &[FieldPart], parts: Option<&Parts>) -> String {
     let mut text = String::new();
     let fillings = parts.into_iter().flat_map(|parts| &parts.fillings);
     let names = labels.iter().map(|label| &label.material).chain(fillings.map(|filling| &filling.filling));
     let name_width = names.map(|name| one_line(name).chars().count()).max().unwrap_or(0);
     for label in labels {
-        let part = parts.and_then(|parts| parts.of_label(label.id));
+        let part = parts.and_then(|parts| parts.part(label.id));
         let shown = part.map_or_else(String::new, |part| match part.mass_kg {
             Some(kg) => {
                 let Figures { mid, interval } = mass(kg);

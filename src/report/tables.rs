@@ -6,7 +6,7 @@ use super::{Pictures, Report};
 use crate::grasp::candidates::Candidate;
 use crate::query::{Answers, Form, Outcome};
 use crate::units::{Estimate, ShoreScale};
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 use crate::words::part_name::part_name;
 use crate::words::table;
 
@@ -56,29 +56,29 @@ impl<'a, T> Columns<'a, T> {
 
 /// The parts with their size and mass.
 pub(super) fn parts(report: &Report) -> String {
-    let part = |label: &FieldLabel| report.parts.as_ref().and_then(|all| all.of_label(label.id));
+    let measured = |part: &FieldPart| report.parts.as_ref().and_then(|all| all.part(part.id));
     named()
-        .text("family", |label| label.family.clone())
-        .text("form", |label| form(label.form).to_owned())
-        .number("gaussians", |label| report.gaussians_of(label))
-        .estimate("volume_m3", |label| part(label)?.volume_m3)
-        .estimate("thickness_m", |label| part(label)?.thickness_m)
-        .estimate("density_kg_m3", |label| Some(label.density_kg_m3))
-        .estimate("mass_kg", |label| part(label)?.mass_kg)
+        .text("family", |part| part.family.clone())
+        .text("form", |part| form(part.form).to_owned())
+        .number("gaussians", |part| report.gaussians_of(part))
+        .estimate("volume_m3", |part| measured(part)?.volume_m3)
+        .estimate("thickness_m", |part| measured(part)?.thickness_m)
+        .estimate("density_kg_m3", |part| Some(part.density_kg_m3))
+        .estimate("mass_kg", |part| measured(part)?.mass_kg)
         .csv(&report.labels)
 }
 
 /// The properties of each part's material.
 pub(super) fn properties(report: &Report) -> String {
     named()
-        .estimate("youngs_modulus_pa", |label| Some(label.youngs_modulus_pa))
-        .estimate("poisson_ratio", |label| Some(label.poisson_ratio))
-        .estimate("strength_pa", |label| Some(label.yield_strength_pa))
-        .estimate("friction_rubber", |label| Some(label.friction_rubber))
-        .text("hardness_scale", |label| {
-            label.hardness.map_or_else(String::new, |hardness| shore(hardness.scale).to_owned())
+        .estimate("youngs_modulus_pa", |part| Some(part.youngs_modulus_pa))
+        .estimate("poisson_ratio", |part| Some(part.poisson_ratio))
+        .estimate("strength_pa", |part| Some(part.yield_strength_pa))
+        .estimate("friction_rubber", |part| Some(part.friction_rubber))
+        .text("hardness_scale", |part| {
+            part.hardness.map_or_else(String::new, |hardness| shore(hardness.scale).to_owned())
         })
-        .estimate("hardness", |label| label.hardness.map(|hardness| hardness.range.into()))
+        .estimate("hardness", |part| part.hardness.map(|hardness| hardness.range.into()))
         .csv(&report.labels)
 }
 
@@ -145,12 +145,12 @@ pub(super) fn answers(answers: &Answers, pictures: &Pictures) -> String {
 }
 
 /// The columns that say which part a row is about.
-fn named<'a>() -> Columns<'a, FieldLabel> {
+fn named<'a>() -> Columns<'a, FieldPart> {
     Columns::new()
-        .number("part", |label: &FieldLabel| Some(label.id))
-        .text("name", |label| part_name(&label.caption, &label.material))
-        .text("caption", |label| label.caption.clone())
-        .text("material", |label| label.material.clone())
+        .number("part", |part: &FieldPart| Some(part.id))
+        .text("name", |part| part_name(&part.caption, &part.material))
+        .text("caption", |part| part.caption.clone())
+        .text("material", |part| part.material.clone())
 }
 
 /// A form in one word.

@@ -13,7 +13,7 @@ const WORTH_SAYING: f64 = 1.05;
 /// The sentences, the most important first. `claimed_kg` is the mass that the file of the object states.
 pub fn sentences(parts: &Parts, claimed_kg: Option<f64>) -> Vec<String> {
     let filling = |filling: &crate::parts::Filling| {
-        let around = parts.of_label(filling.inside_of);
+        let around = parts.part(filling.inside_of);
         let name = around.map_or_else(|| "object".to_owned(), |part| part_name(&part.caption, &part.material));
         let Figures { mid, interval } = mass(filling.mass_kg);
         format!(

@@ -246,8 +246,8 @@ fn meshes_in(folder: &Path) -> Vec<Entry> {
 /// [`splat_file::find`] prefers that one.)
 fn is_result(splat: &Path) -> bool {
     let folder = splat.parent().unwrap_or(Path::new(""));
-    let is = |result: Artifact| splat == folder.join(result.path());
-    (is(Artifact::Field) || is(Artifact::Recolored)) && folder.join(Artifact::Run.path()).is_file()
+    let lies_at = |result: Artifact| splat == folder.join(result.path());
+    (lies_at(Artifact::Field) || lies_at(Artifact::Recolored)) && folder.join(Artifact::Run.path()).is_file()
 }
 
 /// The visible folders in a folder, sorted.

@@ -220,14 +220,10 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
         as_read.retain(&separated.kept);
     }
     // Messages name places, which users look up in the splat.
-    if let Some(set_aside) = object::outliers::set_aside(as_read.as_mut().unwrap_or(&mut object), progress)? {
-        if set_aside.are_few() {
-            let look = "nothing needs to be done, unless `gprop inspect SCENE --html FILE` shows that a piece of the object is missing";
-            found.notes.push(format!("{set_aside}; {look}"));
-        } else {
-            let remedy = "if the report shows that something of the object is missing, train the splat again";
-            found.warnings.push(format!("{set_aside}; {remedy}"));
-        }
+    match object::outliers::set_aside(as_read.as_mut().unwrap_or(&mut object), progress)? {
+        Some(few) if few.are_few() => found.notes.push(format!("{few}; {LOOK_IF_FEW_ARE_SET_ASIDE}")),
+        Some(many) => found.warnings.push(format!("{many}; {REMEDY_IF_MANY_ARE_SET_ASIDE}")),
+        None => {}
     }
     if let Some(as_read) = &as_read {
         object.set_aside.clone_from(&as_read.set_aside);
@@ -247,13 +243,12 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     found.warnings.extend(warning);
     found.warnings.extend(frame.doubt.clone());
     let folder_name = name_of(folder);
+    let name = match options.object {
+        ObjectChoice::One(number) if separated.source == ObjectSource::Standing => format!("{folder_name}_{number}"),
+        _ => folder_name,
+    };
     Ok(Scene {
-        name: match options.object {
-            ObjectChoice::One(number) if separated.source == ObjectSource::Standing => {
-                format!("{folder_name}_{number}")
-            }
-            _ => folder_name,
-        },
+        name,
         scale,
         gaussians: object,
         mesh: None,
@@ -271,6 +266,11 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
         warnings: found.warnings,
     })
 }
+
+const LOOK_IF_FEW_ARE_SET_ASIDE: &str =
+    "nothing needs to be done, unless `gprop inspect SCENE --html FILE` shows that a piece of the object is missing";
+const REMEDY_IF_MANY_ARE_SET_ASIDE: &str =
+    "if the report shows that something of the object is missing, train the splat again";
 
 /// In the place of the number of an object.
 const NO_OBJECT: u32 = 0;

@@ -1,4 +1,4 @@
-//! The errors of set-up, each with its remedy. All of them end gprop with [`crate::exit::Exit::Model`].
+//! The errors of set-up, each with its remedy. All of them end gprop with [`ErrorKind::Model`](crate::ErrorKind::Model).
 
 use std::path::PathBuf;
 

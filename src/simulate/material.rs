@@ -6,7 +6,7 @@ use super::error::SimulateError;
 use crate::materials::Law;
 use crate::mpm::laws::snow::{self, Snow};
 use crate::mpm::laws::{self, drucker_prager, von_mises};
-use crate::vote::{FieldLabel, Filled};
+use crate::vote::{FieldPart, Filled};
 
 /// Materials with a larger Poisson's ratio are simulated with this one: towards 0.5 the bulk modulus, and with it the
 /// number of time steps, grows without bound, while the shape hardly changes.
@@ -59,7 +59,7 @@ pub struct Material {
 
 impl Material {
     /// The material of the filling of a `shell`; it moves with the shell's label `moves_with`, if any.
-    pub fn of_filling(filled: &Filled, shell: &FieldLabel, moves_with: Option<u32>) -> Self {
+    pub fn of_filling(filled: &Filled, shell: &FieldPart, moves_with: Option<u32>) -> Self {
         let youngs_modulus_pa = filled.youngs_modulus_pa.mid;
         let strength_pa = match filled.law {
             Law::VonMises { yield_stress_pa }
@@ -87,17 +87,17 @@ impl Material {
     }
 }
 
-impl From<&FieldLabel> for Material {
-    fn from(label: &FieldLabel) -> Self {
+impl From<&FieldPart> for Material {
+    fn from(part: &FieldPart) -> Self {
         Self {
-            name: label.material.clone(),
-            part_id: label.id,
-            caption: label.caption.clone(),
-            density_kg_m3: label.density_kg_m3.mid,
-            youngs_modulus_pa: label.youngs_modulus_pa.mid,
-            poisson_ratio: label.poisson_ratio.mid,
-            strength_pa: label.yield_strength_pa.mid,
-            law: label.law,
+            name: part.material.clone(),
+            part_id: part.id,
+            caption: part.caption.clone(),
+            density_kg_m3: part.density_kg_m3.mid,
+            youngs_modulus_pa: part.youngs_modulus_pa.mid,
+            poisson_ratio: part.poisson_ratio.mid,
+            strength_pa: part.yield_strength_pa.mid,
+            law: part.law,
             moves_with: None,
         }
     }

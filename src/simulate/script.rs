@@ -246,11 +246,21 @@ impl Script {
 /// # Errors
 /// [`SimulateError::Scenario`] for an unknown scenario or parameter, or a value that is not a number or out of range.
 pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
-    let bad = |text: String| SimulateError::Scenario(text);
     let known = KNOWN.iter().find(|k| k.name == name).ok_or_else(|| {
         let names: Vec<&str> = KNOWN.iter().map(|k| k.name).collect();
-        bad(format!("there is no scenario `{name}`: give one of {}, or a TOML file", names.join(", ")))
+        SimulateError::Scenario(format!(
+            "there is no scenario `{name}`: give one of {}, or a TOML file",
+            names.join(", ")
+        ))
     })?;
+    let script = of_values(name, &values(known, given)?);
+    script.check()?;
+    Ok(script)
+}
+
+/// The values of the parameters of a scenario: those that are given, the defaults of the others.
+fn values(known: &Known, given: &[String]) -> Result<BTreeMap<&'static str, f64>, SimulateError> {
+    let (name, bad) = (known.name, |text: String| SimulateError::Scenario(text));
     let mut values: BTreeMap<&str, f64> = known.parameters.iter().map(|(key, value, _)| (*key, *value)).collect();
     for text in given {
         let (key, value) = text.split_once('=').unwrap_or((text, ""));
@@ -269,6 +279,11 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
             .filter(|v: &f64| v.is_finite())
             .ok_or_else(|| bad(format!("`{text}`: give a finite number after the `=`")))?;
     }
+    Ok(values)
+}
+
+/// The scenario `name` with the values of its parameters.
+fn of_values(name: &str, values: &BTreeMap<&str, f64>) -> Script {
     let step = |on: &str, what| Step { on: on.to_owned(), from: 0.0, to: 1.0, what };
     let mut script = Script { drop_height: 0.0, tilt_deg: 0.0, steps: vec![] };
     script.steps = match name {
@@ -307,8 +322,7 @@ pub fn named(name: &str, given: &[String]) -> Result<Script, SimulateError> {
     };
     // A blow of no duration, or an object that is let go at once.
     script.steps.retain(|step| step.to != 0.0);
-    script.check()?;
-    Ok(script)
+    script
 }
 
 /// The object that a script acts on, in its initial pose.
@@ -421,8 +435,8 @@ pub(super) fn names_of_parts(materials: &[Material]) -> Vec<Vec<&str>> {
 /// its names. Nothing can act on a part that is not among the `simulated` ones, but its name still stands for no other
 /// part. `None` if `part` refers to no simulated part.
 pub(super) fn parts_named(names: &[Vec<&str>], simulated: &BTreeSet<u32>, part: &str) -> Option<Vec<bool>> {
-    let named = |is: fn(&str, &str) -> bool| -> Vec<bool> {
-        names.iter().map(|names| names.iter().any(|name| is(name, part))).collect()
+    let named = |fits: fn(&str, &str) -> bool| -> Vec<bool> {
+        names.iter().map(|names| names.iter().any(|name| fits(name, part))).collect()
     };
     let mut found = named(|name, part| name.to_lowercase() == part.to_lowercase());
     if !found.contains(&true) {

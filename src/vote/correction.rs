@@ -1,7 +1,7 @@
 //! What the user says of a part, which counts for more than what the model answered: `--correct head.material=steel`.
 //!
 //! A [`Setting`] is parsed from what was typed; those of one part are joined into its [`Correction`], which is applied to the
-//! part's label after the vote. The label keeps what the answers say, so a correction is always shown as one, and without it
+//! part after the vote. The part keeps what the answers say, so a correction is always shown as one, and without it
 //! the next run has the answers again.
 
 use std::fmt;
@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::contents::filled;
-use super::{Contents, FieldLabel};
+use super::{Contents, FieldPart};
 use crate::materials::MaterialLibrary;
 use crate::query::Form;
 use crate::units::{Estimate, Range};
@@ -19,21 +19,50 @@ use crate::words::part_fit::PartFit;
 use crate::words::part_name::part_name;
 use crate::words::readable::significant;
 
-/// Thinner than foil, or thicker than a metre, is no wall of an object that a gripper holds.
-const WALL_M: Range = Range::new(1e-6, 1.0);
-/// From aerogel to osmium, the densest element (22,590 kg/m3).
-const DENSITY_KG_M3: Range = Range::new(1.0, 22_600.0);
-/// As in answers: less than 1 % is empty.
-const SHARE: Range = Range::new(0.01, 1.0);
+/// A quantity that can be corrected: how it may be typed. The report's page judges by it what is typed there.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Quantity {
+    pub key: &'static str,
+    /// The units that it may have, each with how much of the SI unit one is.
+    units: &'static [(&'static str, f64)],
+    /// In the SI unit.
+    within: Range,
+    /// How to type it.
+    form: &'static str,
+    /// `within`, in words, which the page says of a value beyond it.
+    limits: &'static str,
+}
 
-const WALL_UNITS: [(&str, f64); 3] = [("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)];
-const DENSITY_UNITS: [(&str, f64); 4] = [("kg/m3", 1.0), ("kg/m³", 1.0), ("g/cm3", 1e3), ("g/cm³", 1e3)];
-const SHARE_UNITS: [(&str, f64); 2] = [("%", 1e-2), ("", 1.0)];
+/// Thinner than foil, or thicker than a metre, is no wall of an object that a gripper holds.
+const WALL: Quantity = Quantity {
+    key: "wall",
+    units: &[("mm", 1e-3), ("cm", 1e-2), ("m", 1.0)],
+    within: Range::new(1e-6, 1.0),
+    form: "give the wall's thickness with its unit, such as 3mm or 2-4mm, or none for a solid",
+    limits: "a wall is 0.001 mm to 1 m thick",
+};
+/// From aerogel to osmium, the densest element (22,590 kg/m3).
+const DENSITY: Quantity = Quantity {
+    key: "density",
+    units: &[("kg/m3", 1.0), ("kg/m³", 1.0), ("g/cm3", 1e3), ("g/cm³", 1e3)],
+    within: Range::new(1.0, 22_600.0),
+    form: "give a density with its unit, such as 2700kg/m3 or 600-700kg/m3",
+    limits: "a density is 1 to 22,600 kg/m3",
+};
+/// As in answers: less than 1 % is empty.
+const SHARE: Quantity = Quantity {
+    key: "share",
+    units: &[("%", 1e-2), ("", 1.0)],
+    within: Range::new(0.01, 1.0),
+    form: "give the share of the hollow that is filled, such as 80% or 70-90%",
+    limits: "a share is 1 to 100 %",
+};
+pub const QUANTITIES: [Quantity; 3] = [WALL, DENSITY, SHARE];
 
 /// For a part without a wall.
-const NONE: &str = "none";
+pub const NONE: &str = "none";
 /// For a shell without a filling.
-const EMPTY: &str = "empty";
+pub const EMPTY: &str = "empty";
 
 /// How many materials an error names.
 const NEAREST: usize = 5;
@@ -145,14 +174,8 @@ impl FromStr for Setting {
             "caption" => correction.caption = Some(value.to_owned()),
             "filling" => correction.filling = Some(value.to_lowercase()),
             "wall" => correction.form = Some(wall(value)?),
-            "share" => {
-                let problem = || "give the share of the hollow that is filled, such as 80% or 70-90%".to_owned();
-                correction.share = Some(range(value, &SHARE_UNITS, SHARE).ok_or_else(problem)?);
-            }
-            "density" => {
-                let problem = || "give a density with its unit, such as 2700kg/m3 or 600-700kg/m3".to_owned();
-                correction.density_kg_m3 = Some(range(value, &DENSITY_UNITS, DENSITY_KG_M3).ok_or_else(problem)?);
-            }
+            "share" => correction.share = Some(SHARE.read(value)?),
+            "density" => correction.density_kg_m3 = Some(DENSITY.read(value)?),
             _ => return Err(form.to_owned()),
         }
         Ok(Self { typed: typed.to_owned(), part: part.to_owned(), correction })
@@ -163,21 +186,27 @@ fn wall(value: &str) -> Result<Form, String> {
     if value.eq_ignore_ascii_case(NONE) {
         return Ok(Form::Solid);
     }
-    let problem = || "give the wall's thickness with its unit, such as 3mm or 2-4mm, or none for a solid".to_owned();
-    let wall_thickness_m = range(value, &WALL_UNITS, WALL_M).ok_or_else(problem)?;
-    Ok(Form::Shell { wall_thickness_m })
+    Ok(Form::Shell { wall_thickness_m: WALL.read(value)? })
 }
 
-/// A number or two (`2-4`) in one of `units`, named with how much of the SI unit one is; `None` if it is not within `bounds`.
-fn range(text: &str, units: &[(&str, f64)], bounds: Range) -> Option<Range> {
-    let (numbers, unit) = units.iter().find_map(|(name, unit)| Some((text.strip_suffix(name)?.trim(), unit)))?;
-    let number = |text: &str| text.trim().parse::<f64>().ok().map(|number| number * unit);
-    let found = match (number(numbers), numbers.split_once('-')) {
-        (Some(exact), _) => Range::exactly(exact),
-        (None, Some((low, high))) => Range::new(number(low)?, number(high)?),
-        (None, None) => return None,
-    };
-    (bounds.low <= found.low && found.low <= found.high && found.high <= bounds.high).then_some(found)
+impl Quantity {
+    /// A number or two (`2-4`) in one of the units and within the limits.
+    fn read(&self, text: &str) -> Result<Range, String> {
+        self.range(text).ok_or_else(|| self.form.to_owned())
+    }
+
+    fn range(&self, text: &str) -> Option<Range> {
+        let in_unit = |(name, unit): &(&str, f64)| Some((text.strip_suffix(name)?.trim(), *unit));
+        let (numbers, unit) = self.units.iter().find_map(in_unit)?;
+        let number = |text: &str| text.trim().parse::<f64>().ok().map(|number| number * unit);
+        let found = match (number(numbers), numbers.split_once('-')) {
+            (Some(exact), _) => Range::exactly(exact),
+            (None, Some((low, high))) => Range::new(number(low)?, number(high)?),
+            (None, None) => return None,
+        };
+        let Range { low, high } = self.within;
+        (low <= found.low && found.low <= found.high && found.high <= high).then_some(found)
+    }
 }
 
 impl TryFrom<String> for Setting {
@@ -258,52 +287,52 @@ impl Correction {
     ///
     /// # Errors
     /// [`Problem`] if the material or filling is not known, or there is no hollow that is filled.
-    pub fn applied(&self, answered: &FieldLabel, library: &MaterialLibrary) -> Result<FieldLabel, Problem> {
-        let mut label = self.of_material(answered, library)?;
+    pub fn applied(&self, answered: &FieldPart, library: &MaterialLibrary) -> Result<FieldPart, Problem> {
+        let mut part = self.of_material(answered, library)?;
         if let Some(form) = self.form {
-            let material = library.get(&label.material).filter(|_| label.form == Form::Mixed);
-            label.density_kg_m3 = material.map_or(label.density_kg_m3, |material| material.density_kg_m3.into());
-            label.bulk_reason = None;
+            let material = library.get(&part.material).filter(|_| part.form == Form::Mixed);
+            part.density_kg_m3 = material.map_or(part.density_kg_m3, |material| material.density_kg_m3.into());
+            part.bulk_reason = None;
             let is_shell = matches!(form, Form::Shell { .. });
-            label.inside = is_shell.then(|| label.inside.unwrap_or(Contents::Unknown));
-            label.form = form;
+            part.inside = is_shell.then(|| part.inside.unwrap_or(Contents::Unknown));
+            part.form = form;
         }
-        self.fill(&mut label, library)?;
+        self.fill(&mut part, library)?;
         if let Some(density) = self.density_kg_m3 {
-            label.density_kg_m3 = density.into();
+            part.density_kg_m3 = density.into();
         }
         if let Some(caption) = &self.caption {
-            label.caption.clone_from(caption);
+            part.caption.clone_from(caption);
         }
-        let FieldLabel { caption, material, form, density_kg_m3, inside, .. } = answered.clone();
+        let FieldPart { caption, material, form, density_kg_m3, inside, .. } = answered.clone();
         let filling = match inside {
             Some(Contents::Filled(filled)) => Some(filled.filling),
             Some(Contents::Empty) => Some(EMPTY.to_owned()),
             Some(Contents::Unknown) | None => None,
         };
         let answered = Answered { caption, material, form, filling, density_kg_m3 };
-        label.corrected = Some(Box::new(Corrected { to: self.clone(), answered }));
-        Ok(label)
+        part.corrected = Some(Box::new(Corrected { to: self.clone(), answered }));
+        Ok(part)
     }
 
-    fn of_material(&self, label: &FieldLabel, library: &MaterialLibrary) -> Result<FieldLabel, Problem> {
-        let Some(name) = &self.material else { return Ok(label.clone()) };
+    fn of_material(&self, part: &FieldPart, library: &MaterialLibrary) -> Result<FieldPart, Problem> {
+        let Some(name) = &self.material else { return Ok(part.clone()) };
         let material = library.get(name).ok_or_else(|| no_such_material(name, library))?;
-        let FieldLabel { caption, form, inside, bulk_reason, .. } = label.clone();
-        let of = FieldLabel::of(label.id, material);
-        let density_kg_m3 = if form == Form::Mixed { label.density_kg_m3 } else { of.density_kg_m3 };
-        Ok(FieldLabel { caption, form, inside, bulk_reason, density_kg_m3, ..of })
+        let FieldPart { caption, form, inside, bulk_reason, .. } = part.clone();
+        let of = FieldPart::of(part.id, material);
+        let density_kg_m3 = if form == Form::Mixed { part.density_kg_m3 } else { of.density_kg_m3 };
+        Ok(FieldPart { caption, form, inside, bulk_reason, density_kg_m3, ..of })
     }
 
-    fn fill(&self, label: &mut FieldLabel, library: &MaterialLibrary) -> Result<(), Problem> {
+    fn fill(&self, part: &mut FieldPart, library: &MaterialLibrary) -> Result<(), Problem> {
         if self.filling.is_none() && self.share.is_none() {
             return Ok(());
         }
-        let (part, id) = (described(label), label.id);
-        if !matches!(label.form, Form::Shell { .. }) {
-            return Err(Problem::NoHollow { part, id });
+        let (called, id) = (described(part), part.id);
+        if !matches!(part.form, Form::Shell { .. }) {
+            return Err(Problem::NoHollow { part: called, id });
         }
-        let was = match &label.inside {
+        let was = match &part.inside {
             Some(Contents::Filled(filled)) => Some(filled),
             _ => None,
         };
@@ -312,23 +341,23 @@ impl Correction {
             (Some(name), was) => {
                 let row = library.filling(name).ok_or_else(|| no_such_filling(name, library))?;
                 let share = self.share.map(Into::into).or(was.map(|was| was.share));
-                Contents::Filled(filled(row, share.ok_or(Problem::NoShare { part, id })?))
+                Contents::Filled(filled(row, share.ok_or(Problem::NoShare { part: called, id })?))
             }
             (None, Some(was)) => {
                 let share = self.share.map_or(was.share, Into::into);
                 Contents::Filled(super::Filled { share, ..was.clone() })
             }
-            (None, None) => return Err(Problem::NothingInside { part, id }),
+            (None, None) => return Err(Problem::NothingInside { part: called, id }),
         };
-        label.inside = Some(contents);
+        part.inside = Some(contents);
         Ok(())
     }
 
     /// Whether a way in which the part may be made is one of those that the correction leaves, numbers aside.
-    pub fn agrees_with(&self, label: &FieldLabel, library: &MaterialLibrary) -> bool {
-        let is_material = |name: &String| library.get(name).is_some_and(|material| material.name == label.material);
-        let is_form = |form: Form| std::mem::discriminant(&form) == std::mem::discriminant(&label.form);
-        let is_filling = |name: &String| match &label.inside {
+    pub fn agrees_with(&self, part: &FieldPart, library: &MaterialLibrary) -> bool {
+        let is_material = |name: &String| library.get(name).is_some_and(|material| material.name == part.material);
+        let is_form = |form: Form| std::mem::discriminant(&form) == std::mem::discriminant(&part.form);
+        let is_filling = |name: &String| match &part.inside {
             Some(Contents::Filled(filled)) => library.filling(name).is_some_and(|row| row.name == filled.filling),
             Some(Contents::Empty) => name == EMPTY,
             Some(Contents::Unknown) | None => false,
@@ -401,52 +430,52 @@ pub fn check_materials(settings: &[Setting], library: &MaterialLibrary) -> Resul
     })
 }
 
-/// The labels as corrected.
+/// The parts as corrected.
 ///
 /// # Errors
 /// [`CorrectionError`] if a part, material or filling is not known.
 pub fn corrected(
-    labels: &[FieldLabel],
+    parts: &[FieldPart],
     settings: &[Setting],
     library: &MaterialLibrary,
-) -> Result<Vec<FieldLabel>, CorrectionError> {
-    let mut settings_of: Vec<Vec<&Setting>> = vec![Vec::new(); labels.len()];
+) -> Result<Vec<FieldPart>, CorrectionError> {
+    let mut settings_of: Vec<Vec<&Setting>> = vec![Vec::new(); parts.len()];
     for setting in settings {
-        settings_of[part_of(setting, labels)?].push(setting);
+        settings_of[part_of(setting, parts)?].push(setting);
     }
-    let label_of = |(label, settings): (&FieldLabel, &Vec<&Setting>)| {
-        let Some(last) = settings.last() else { return Ok(label.clone()) };
+    let part_as_corrected = |(part, settings): (&FieldPart, &Vec<&Setting>)| {
+        let Some(last) = settings.last() else { return Ok(part.clone()) };
         let correction = settings.iter().fold(Correction::default(), |sum, one| sum.then(one.correction.clone()));
-        correction.applied(label, library).map_err(|problem| {
+        correction.applied(part, library).map_err(|problem| {
             let cause = settings.iter().rfind(|setting| problem.is_about(&setting.correction));
             cause.unwrap_or(last).refused(problem)
         })
     };
-    labels.iter().zip(&settings_of).map(label_of).collect()
+    parts.iter().zip(&settings_of).map(part_as_corrected).collect()
 }
 
-/// The index of the label that a setting is about.
-fn part_of(setting: &Setting, labels: &[FieldLabel]) -> Result<usize, CorrectionError> {
-    let fit = |label: &FieldLabel| {
-        let fit = PartFit::new(label.id, &label.caption, &label.material, &setting.part);
+/// The index of the part that a setting is about.
+fn part_of(setting: &Setting, parts: &[FieldPart]) -> Result<usize, CorrectionError> {
+    let fit = |part: &FieldPart| {
+        let fit = PartFit::new(part.id, &part.caption, &part.material, &setting.part);
         fit.filter(|fit| *fit != PartFit::Mentioned)
     };
-    let best = labels.iter().filter_map(fit).min();
-    let found: Vec<usize> = (0..labels.len()).filter(|of| best.is_some() && fit(&labels[*of]) == best).collect();
-    let list = |of: &[usize]| of.iter().map(|of| described(&labels[*of])).collect::<Vec<_>>().join("; ");
+    let best = parts.iter().filter_map(fit).min();
+    let found: Vec<usize> = (0..parts.len()).filter(|of| best.is_some() && fit(&parts[*of]) == best).collect();
+    let list = |of: &[usize]| of.iter().map(|of| described(&parts[*of])).collect::<Vec<_>>().join("; ");
     let (typed, part) = (setting.typed.clone(), setting.part.clone());
     match found[..] {
         [one] => Ok(one),
         [] => {
-            let parts = list(&(0..labels.len()).collect::<Vec<_>>());
+            let parts = list(&(0..parts.len()).collect::<Vec<_>>());
             Err(CorrectionError::NoSuchPart { setting: typed, part, parts })
         }
         _ => Err(CorrectionError::AmbiguousPart { setting: typed, part, parts: list(&found) }),
     }
 }
 
-fn described(label: &FieldLabel) -> String {
-    format!("{} ({}, {})", label.id, part_name(&label.caption, &label.material), label.material)
+fn described(part: &FieldPart) -> String {
+    format!("{} ({}, {})", part.id, part_name(&part.caption, &part.material), part.material)
 }
 
 fn no_such_material(name: &str, library: &MaterialLibrary) -> Problem {
@@ -462,22 +491,22 @@ fn no_such_filling(name: &str, library: &MaterialLibrary) -> Problem {
 mod tests {
     use super::*;
 
-    fn labels() -> Vec<FieldLabel> {
+    fn parts() -> Vec<FieldPart> {
         let library = MaterialLibrary::builtin();
-        let label = |id, caption: &str, material: &str| FieldLabel {
+        let part = |id, caption: &str, material: &str| FieldPart {
             caption: caption.to_owned(),
-            ..FieldLabel::of(id, library.get(material).unwrap())
+            ..FieldPart::of(id, library.get(material).unwrap())
         };
         vec![
-            label(1, "hammer head that strikes", "steel, medium carbon 1045"),
-            label(4, "wooden handle; pale", "ash, white"),
-            label(7, "grip of the handle", "rubber band"),
+            part(1, "hammer head that strikes", "steel, medium carbon 1045"),
+            part(4, "wooden handle; pale", "ash, white"),
+            part(7, "grip of the handle", "rubber band"),
         ]
     }
 
-    fn set(typed: &[&str]) -> Result<Vec<FieldLabel>, String> {
+    fn set(typed: &[&str]) -> Result<Vec<FieldPart>, String> {
         let settings: Vec<Setting> = typed.iter().map(|typed| typed.parse()).collect::<Result<_, _>>()?;
-        corrected(&labels(), &settings, MaterialLibrary::builtin()).map_err(|error| error.to_string())
+        corrected(&parts(), &settings, MaterialLibrary::builtin()).map_err(|error| error.to_string())
     }
 
     #[test]
@@ -505,9 +534,9 @@ mod tests {
     #[test]
     fn a_part_is_named_by_its_number_or_name() {
         for name in ["1", "hammer head", "head", "Head"] {
-            let labels = set(&[&format!("{name}.material=aluminium 6061-t6")]).unwrap();
-            assert_eq!(labels[0].material, "aluminium 6061-t6", "{name}");
-            assert!(labels[1..].iter().all(|label| label.corrected.is_none()));
+            let parts = set(&[&format!("{name}.material=aluminium 6061-t6")]).unwrap();
+            assert_eq!(parts[0].material, "aluminium 6061-t6", "{name}");
+            assert!(parts[1..].iter().all(|part| part.corrected.is_none()));
         }
         let unknown = set(&["blade.material=steel"]).unwrap_err();
         assert!(unknown.contains("1 (hammer head, steel") && unknown.contains("4 (wooden handle, ash"), "{unknown}");
@@ -519,9 +548,9 @@ mod tests {
 
     #[test]
     fn a_correction_keeps_what_it_does_not_say_and_what_was_answered() {
-        let labels =
+        let parts =
             set(&["head.wall=3mm", "1.filling=water", "1.share=50%", "1.filling=empty", "4.caption=shaft"]).unwrap();
-        let [head, shaft, grip] = &labels[..] else { panic!("three parts") };
+        let [head, shaft, grip] = &parts[..] else { panic!("three parts") };
         assert_eq!(head.inside, Some(Contents::Empty), "the last one counts");
         assert_eq!((&*head.material, &*shaft.caption), ("steel, medium carbon 1045", "shaft"));
         let corrected = head.corrected.as_ref().unwrap();
@@ -530,7 +559,7 @@ mod tests {
             corrected.to_string(),
             "corrected: wall 3 mm, filling empty, share 50 %; answered: steel, medium carbon 1045, solid"
         );
-        assert_eq!(grip, &super::tests::labels()[2]);
+        assert_eq!(grip, &super::tests::parts()[2]);
         assert!(set(&["head.filling=water"]).unwrap_err().contains("1.wall=3mm"));
         assert!(set(&["head.wall=3mm", "head.filling=water"]).unwrap_err().contains("1.share=80%"));
         assert!(set(&["head.wall=3mm", "head.share=80%"]).unwrap_err().contains("1.filling=water"));
@@ -570,7 +599,7 @@ mod tests {
     fn a_mixed_part_keeps_its_density_until_that_or_its_wall_is_said() {
         let library = MaterialLibrary::builtin();
         let mixed =
-            FieldLabel { form: Form::Mixed, density_kg_m3: Range::new(1500.0, 1700.0).into(), ..labels().remove(0) };
+            FieldPart { form: Form::Mixed, density_kg_m3: Range::new(1500.0, 1700.0).into(), ..parts().remove(0) };
         let density = |typed: &str| {
             let setting: Setting = typed.parse().unwrap();
             setting.correction.applied(&mixed, library).unwrap().density_kg_m3

@@ -4,20 +4,20 @@
 //! [`ballots`] lets every view vote on the Gaussians that it sees, by the light that arrives from them or, as in the
 //! paper, by a depth test; [`identity`] finds which segments of different views are one part of the object, unless the
 //! parts are known; [`tally`] elects, by [`plurality`], a material and a part for every Gaussian, and [`unseen`] for
-//! those that no view sees; [`labels`] gives each elected part its properties, and
+//! those that no view sees; [`properties`] gives each elected part its properties, and
 //! [`correction`] those that the user knows better.
 
 mod answered_subjects;
 mod ballots;
 mod contents;
-mod correction;
+pub mod correction;
 mod error;
 mod estimate;
 pub mod field_ply;
 mod identity;
-mod labels;
 mod options;
 mod plurality;
+mod properties;
 mod tally;
 mod unseen;
 
@@ -82,16 +82,16 @@ impl<'a> AnsweredPart<'a> {
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct MaterialField {
-    /// The labels that a Gaussian may have, by id.
-    pub labels: Vec<FieldLabel>,
-    /// Per Gaussian: index into `labels`.
-    pub part_label: Vec<u32>,
+    /// The parts that a Gaussian may belong to, by id.
+    pub parts: Vec<FieldPart>,
+    /// Per Gaussian: index into `parts`.
+    pub part_index: Vec<u32>,
     /// Per Gaussian: share of its votes that its material won, times the share of the answers about its part that name
     /// this material (under [`Agreement::Part`]), 0 to 1; 0 if it was never seen.
     pub confidence: Vec<f32>,
     /// Per Gaussian: votes for the winning material.
     pub votes: Vec<f32>,
-    /// Per Gaussian: number of views that see it. 0 means that the label came from the nearest seen Gaussians.
+    /// Per Gaussian: number of views that see it. 0 means that the part is that of the nearest seen Gaussians.
     pub views: Vec<u16>,
     /// Messages about what the user should check.
     pub warnings: Vec<String>,
@@ -102,15 +102,15 @@ pub struct MaterialField {
 impl MaterialField {
     /// Per Gaussian: the id of its part.
     pub fn part_ids(&self) -> impl Iterator<Item = u32> {
-        self.part_label.iter().map(|&label| self.labels[label as usize].id)
+        self.part_index.iter().map(|&part| self.parts[part as usize].id)
     }
 
-    /// The field of Gaussians whose labels are known: each was seen by one view, which was certain.
-    pub fn known(labels: Vec<FieldLabel>, part_label: Vec<u32>) -> Self {
-        let count = part_label.len();
+    /// The field of Gaussians whose parts are known: each was seen by one view, which was certain.
+    pub fn known(parts: Vec<FieldPart>, part_index: Vec<u32>) -> Self {
+        let count = part_index.len();
         Self {
-            labels,
-            part_label,
+            parts,
+            part_index,
             confidence: vec![1.0; count],
             votes: vec![1.0; count],
             views: vec![1; count],
@@ -125,7 +125,7 @@ impl MaterialField {
             let mut kept = kept.iter();
             values.retain(|_| *kept.next().unwrap_or(&false));
         }
-        retain(&mut self.part_label, kept);
+        retain(&mut self.part_index, kept);
         retain(&mut self.confidence, kept);
         retain(&mut self.votes, kept);
         retain(&mut self.views, kept);
@@ -137,7 +137,7 @@ impl MaterialField {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[non_exhaustive]
-pub struct FieldLabel {
+pub struct FieldPart {
     /// The part id, from 1, which is also the part's value of `part_label` in `field.ply`.
     pub id: u32,
     pub caption: String,
@@ -169,13 +169,13 @@ pub struct FieldLabel {
     pub corrected: Option<Box<Corrected>>,
 }
 
-impl FieldLabel {
+impl FieldPart {
     /// The part with this id, if this answer about it holds.
     ///
     /// # Panics
     /// If the library does not have its material, which answers are checked for.
     pub fn answered(id: u32, answer: &Answer, library: &MaterialLibrary) -> Self {
-        labels::agreed(id, &[answer], library)
+        properties::agreed(id, &[answer], library)
     }
 
     /// A solid part that consists of this material alone, and is called as it is.
@@ -286,7 +286,7 @@ struct Votes<'a> {
 }
 
 impl Votes<'_> {
-    /// Elects a label for every Gaussian.
+    /// Elects a part for every Gaussian.
     fn elect(
         self,
         gaussians: &Gaussians,
@@ -321,9 +321,9 @@ impl Votes<'_> {
             made.sort_unstable();
         }
         let name = |choice: PartMaterial| subjects.materials[choice.material as usize];
-        let labels =
-            made.iter().map(|&(id, choice)| labels::label(id, choice, name(choice), identity, library)).collect();
-        let label_of =
+        let parts =
+            made.iter().map(|&(id, choice)| properties::part(id, choice, name(choice), identity, library)).collect();
+        let index_of =
             |choice: &PartMaterial| made.iter().position(|(_, other)| other == choice).expect("listed above") as u32;
         // Gaussians that choose for themselves count every answer in their own votes.
         let agreement = |&(_, choice): &(u32, PartMaterial)| match agree {
@@ -331,10 +331,10 @@ impl Votes<'_> {
             Agreement::Gaussian => 1.0,
         };
         let agreement: Vec<f32> = made.iter().map(agreement).collect();
-        let confidence = |e: &Elected| e.votes / e.cast * agreement[label_of(&e.choice) as usize];
+        let confidence = |e: &Elected| e.votes / e.cast * agreement[index_of(&e.choice) as usize];
         MaterialField {
-            labels,
-            part_label: choices.iter().map(label_of).collect(),
+            parts,
+            part_index: choices.iter().map(index_of).collect(),
             confidence: elected.iter().map(|e| e.as_ref().map_or(0.0, confidence)).collect(),
             votes: elected.iter().map(|e| e.as_ref().map_or(0.0, |e| e.votes)).collect(),
             views: elected.iter().map(|e| e.as_ref().map_or(0, |e| e.views)).collect(),

@@ -89,13 +89,13 @@ fn hammer_with_field() -> (PathBuf, TempDir) {
     let truth::Known { scene, field, .. } = truth::known(&folder);
     let mut field = field.clone();
     let shore = |scale, low, high| Some(ShoreHardness { scale, range: Range::new(low, high) });
-    field.labels.iter_mut().for_each(|label| label.id += 1);
-    field.labels[1].hardness = shore(ShoreScale::D, 60.0, 80.0);
-    field.labels[2].hardness = shore(ShoreScale::A, 50.0, 70.0);
+    field.parts.iter_mut().for_each(|label| label.id += 1);
+    field.parts[1].hardness = shore(ShoreScale::D, 60.0, 80.0);
+    field.parts[2].hardness = shore(ShoreScale::A, 50.0, 70.0);
     let work = TempDir::new().unwrap();
     let mut file = fs::File::create(work.path().join("field.ply")).unwrap();
     ply::write(&mut file, &scene.gaussians, &field_ply::columns(&field)).unwrap();
-    fs::write(work.path().join("labels.json"), serde_json::to_string(&field.labels).unwrap()).unwrap();
+    fs::write(work.path().join("labels.json"), serde_json::to_string(&field.parts).unwrap()).unwrap();
     let stage = |name: &str, inputs: &[&str], outputs: &[&str]| {
         let inputs: Vec<_> = inputs.iter().map(|input| json!([input, input])).collect();
         let outputs = outputs.iter().map(|path| {

@@ -192,7 +192,7 @@ fn the_outliers_of_a_run_stay_set_aside() {
     run(&balls, "vote", &[]);
     let (gaussians, field) = StoredRun::open(&balls.scene(0), None, &[Stage::Vote]).unwrap().field().unwrap();
     assert!(gaussians.is_set_aside(0) && !gaussians.is_set_aside(1));
-    assert_eq!(field.part_label.len(), 200);
+    assert_eq!(field.part_index.len(), 200);
 }
 
 #[test]

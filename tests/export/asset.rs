@@ -11,7 +11,7 @@ use gprop::scene::mesh::containers::{self, Container};
 use gprop::scene::mesh::solid::Measured;
 use gprop::scene::mesh::{self, Axes, Mesh};
 use gprop::scene::{self, Scene};
-use gprop::vote::{FieldLabel, MaterialField};
+use gprop::vote::{FieldPart, MaterialField};
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde_json::{Value, json};
 use tempfile::TempDir;
@@ -88,7 +88,7 @@ impl Weighed {
     fn at(folder: TempDir, path: &Path, options: &scene::Options) -> Self {
         let scene = scene::load(path, options).unwrap();
         let oak = MaterialLibrary::builtin().get("oak, white").unwrap();
-        let field = MaterialField::known(vec![FieldLabel::of(1, oak)], vec![0; scene.gaussians.len()]);
+        let field = MaterialField::known(vec![FieldPart::of(1, oak)], vec![0; scene.gaussians.len()]);
         let solid = Measured::of(&scene.mesh.as_ref().unwrap().painted.mesh.surface).unwrap();
         let options = Options { volume_cells: 20_000, ..Options::default() };
         let result = parts_of_mesh(&scene.gaussians, &field, &solid, scene.scale.as_ref(), &options).unwrap();
@@ -402,7 +402,7 @@ fn tables_have_a_row_for_each_face_and_vertex() {
     for (file, what, rows) in [(&files[0], "face", 12), (&files[1], "vertex", 8)] {
         let text = fs::read_to_string(file).unwrap();
         let mut lines = text.lines();
-        let header = format!("{what},part_label,material_id,density,E,nu,yield_stress,friction,hardness,material");
+        let header = format!("{what},part_index,material_id,density,E,nu,yield_stress,friction,hardness,material");
         assert_eq!(lines.next(), Some(header.as_str()));
         assert_eq!(lines.clone().count(), rows);
         assert!(

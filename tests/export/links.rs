@@ -76,7 +76,7 @@ fn links_together_are_the_one_body() {
     println!("{found}");
     // All bodies, by the parallel axis theorem.
     let bodies: Vec<(f64, Vector3<f64>, Matrix3<f64>)> = parts
-        .by_label()
+        .whole_parts()
         .map(|part| (part.mass_kg.unwrap().mid, part.center_of_mass_m.unwrap(), part.inertia_kg_m2.unwrap()))
         .chain(
             parts.fillings.iter().map(|filling| (filling.mass_kg.mid, filling.center_of_mass_m, filling.inertia_kg_m2)),
@@ -96,7 +96,7 @@ fn links_together_are_the_one_body() {
         &Object { center_of_mass_m: center.into(), inertia_kg_m2: rows, ..parts.object.clone() },
         1e-6,
     );
-    assert_eq!(found["bodies"].as_array().unwrap().len(), parts.by_label().count());
+    assert_eq!(found["bodies"].as_array().unwrap().len(), parts.whole_parts().count());
     assert_eq!((&found["free_joints"], &found["joints"]), (&json!(1), &json!(1)));
     let rested = &listed(mujoco("rest", &[&file]))[0];
     assert!(rested["moved_m"].as_f64().unwrap() < 0.002, "{rested}");
@@ -123,7 +123,7 @@ fn pybullet_loads_the_links_with_the_same_mass() {
     let links = listed(found[0]["links"].clone());
     let mass: f64 = links.iter().map(|link| link["mass_kg"].as_f64().unwrap()).sum();
     assert!((mass / parts.object.mass_kg.mid - 1.0).abs() < 1e-6, "{links:?}");
-    assert_eq!(links.len(), parts.by_label().count(), "{links:?}");
+    assert_eq!(links.len(), parts.whole_parts().count(), "{links:?}");
     for link in &links {
         assert_eq!(link["shown"].as_array().unwrap().len(), 1, "{link}");
         assert!(link["colliders"].as_u64().unwrap() > 0, "{link}");
@@ -162,7 +162,7 @@ print(json.dumps({
     let mass: f64 = numbers(&found["masses"]).iter().sum();
     // USD keeps masses in 32 bits.
     assert!((mass / parts.object.mass_kg.mid - 1.0).abs() < 1e-6, "{found}");
-    let count = parts.by_label().count();
+    let count = parts.whole_parts().count();
     assert_eq!(
         (found["names"].as_array().unwrap().len(), found["fixed"].as_array().unwrap().len()),
         (count, count - 1)
@@ -180,7 +180,7 @@ fn names_are_the_same_in_every_format() {
     let (mjcf, urdf, sdf, usd) =
         (read("hammer.xml"), read("hammer.urdf"), read("hammer.sdf"), read("hammer/usd/hammer.usda"));
     let links = sorted(between(&mjcf, "<body name=\""));
-    assert_eq!(links.len(), parts.by_label().count());
+    assert_eq!(links.len(), parts.whole_parts().count());
     assert!(links.iter().all(|name| name.starts_with("hammer__")), "{links:?}");
     assert_eq!(sorted(between(&urdf, "<link name=\"")), links);
     assert_eq!(sorted(between(&sdf, "<link name=\"")), links);
@@ -219,7 +219,7 @@ fn the_pairs_of_pads_are_what_mujoco_uses() {
     let found = mujoco("pads", &[&file, &of_pads]);
     println!("{found}");
     let own: BTreeSet<String> =
-        measured.field.labels.iter().map(|label| label.friction_rubber.mid.to_string()).collect();
+        measured.field.parts.iter().map(|label| label.friction_rubber.mid.to_string()).collect();
     let friction = |contact: &Value| numbers(&contact["friction"]);
     let of_geoms = |contacts: &Value| {
         let pads =

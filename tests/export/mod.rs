@@ -364,9 +364,9 @@ fn the_splats_parts_are_all_of_it() {
     let measured = Measured::of(&folders()[0]);
     let (_folder, files) = exported(measured, Format::PlyParts);
     let read: Vec<_> = files.iter().map(|file| gprop::scene::splat::ply::read(file).unwrap().gaussians).collect();
-    assert_eq!(read.len(), measured.field.labels.len());
+    assert_eq!(read.len(), measured.field.parts.len());
     assert_eq!(read.iter().map(Gaussians::len).sum::<usize>(), measured.scene.gaussians.len());
-    for (label, gaussians) in measured.field.labels.iter().zip(&read) {
+    for (label, gaussians) in measured.field.parts.iter().zip(&read) {
         let column = gaussians.extra.iter().find(|extra| extra.name == "part_label").unwrap();
         assert!(column.values.iter().all(|part| *part == label.id as f32), "{}", label.caption);
     }
@@ -485,7 +485,7 @@ fn physgaussian_gets_its_folder() {
     assert!(["jelly", "metal", "sand", "foam", "snow", "plasticine"].contains(&config["material"].as_str().unwrap()));
     assert!((0.0..0.5).contains(&config["nu"].as_f64().unwrap()));
     let boxes = config["additional_material_params"].as_array().unwrap();
-    assert_eq!(boxes.len(), measured.field.labels.len() - 1);
+    assert_eq!(boxes.len(), measured.field.parts.len() - 1);
     for part in boxes {
         let middle = numbers(&part["point"]);
         assert!(middle.iter().all(|c| (0.5..=1.5).contains(c)), "within the unit box around 1: {middle:?}");
@@ -510,15 +510,15 @@ fn boxes_leave_out_the_gaussians_that_physgaussian_drops() {
         let config: Value = serde_json::from_slice(&std::fs::read(&files[0]).unwrap()).unwrap();
         listed(config["additional_material_params"].clone())
     };
-    let (all, part_label) = (&measured.scene.gaussians, &measured.field.part_label);
+    let (all, part_index) = (&measured.scene.gaussians, &measured.field.part_index);
     let mut faint = all.clone();
     faint.opacity_logits[0] = FAINT;
     let mut astray = faint.clone();
     astray.positions[0] = [1e3; 3];
     assert_eq!(boxes(&astray), boxes(&faint), "wherever it lies");
-    let count = |label: u32| part_label.iter().filter(|&&of| of == label).count();
-    let least = (0..measured.field.labels.len() as u32).min_by_key(|&label| count(label)).unwrap();
-    let of_least = |(i, _): &(usize, &mut f32)| part_label[*i] == least;
+    let count = |label: u32| part_index.iter().filter(|&&of| of == label).count();
+    let least = (0..measured.field.parts.len() as u32).min_by_key(|&label| count(label)).unwrap();
+    let of_least = |(i, _): &(usize, &mut f32)| part_index[*i] == least;
     faint.opacity_logits.iter_mut().enumerate().filter(of_least).for_each(|(_, logit)| *logit = FAINT);
     assert_eq!(boxes(&faint).len(), boxes(all).len() - 1, "no box for a part without a Gaussian");
 }

@@ -110,7 +110,7 @@ fn sdf_is_one_free_model_that_pybullet_reads() {
     for mesh in text.split("<uri>").skip(1).map(|rest| &rest[..rest.find('<').unwrap()]) {
         assert!(folder.path().join(mesh).is_file(), "{mesh}");
     }
-    for part in &measured.field.labels {
+    for part in &measured.field.parts {
         assert!(text.contains(&format!("<mu>{}</mu>", part.friction_rubber.mid)), "{}", part.caption);
     }
     if python_has("sdf_is_one_free_model_that_pybullet_reads", "pybullet", "pybullet") {
@@ -158,7 +158,7 @@ fn gazebo_reads_one_free_link_with_its_mass_and_frictions() {
     }
     let measured = Measured::small();
     let folder = exported(&super::model(measured), &[Format::Sdf, Format::Urdf]);
-    let frictions = || measured.field.labels.iter().map(|label| label.friction_rubber.mid);
+    let frictions = || measured.field.parts.iter().map(|label| label.friction_rubber.mid);
     let least = frictions().fold(f64::INFINITY, f64::min);
     for (file, frictions) in [("hammer.sdf", frictions().collect()), ("hammer.urdf", vec![least])] {
         let path = folder.path().join(file);
@@ -193,12 +193,12 @@ fn on_steel_frictions_are_those_of_the_library() {
     let unknown = export(&model, &[Format::Mjcf], TempDir::new().unwrap().path()).unwrap_err().to_string();
     assert!(unknown.contains("friction on steel is unknown") && unknown.contains("--materials"), "{unknown}");
     let mut field = measured.field.clone();
-    for (label, material) in field.labels.iter_mut().zip(library.materials()) {
+    for (label, material) in field.parts.iter_mut().zip(library.materials()) {
         label.material = material.name.clone();
     }
     let folder = exported(&Model { field: &field, ..model }, &[Format::Mjcf]);
     let text = std::fs::read_to_string(folder.path().join("hammer.xml")).unwrap();
-    for label in &field.labels {
+    for label in &field.parts {
         let steel = library.get(&label.material).unwrap().friction_steel.mid();
         assert!(text.contains(&format!("friction=\"{steel} ")), "{}: {steel} is not in {text}", label.material);
     }
@@ -211,14 +211,14 @@ fn on_steel_frictions_are_those_of_the_library() {
 fn restitutions_are_stated_where_a_format_has_them() {
     let measured = Measured::small();
     let mut field = measured.field.clone();
-    for (label, restitution) in field.labels.iter_mut().zip([0.45, 0.25]) {
+    for (label, restitution) in field.parts.iter_mut().zip([0.45, 0.25]) {
         label.restitution = Some(Estimate::exactly(restitution));
     }
     let model = Model { field: &field, ..super::model(measured) };
     let folder = exported(&model, &[Format::Sdf, Format::Urdf, Format::Usda]);
     let text = |path: &str| std::fs::read_to_string(folder.path().join(path)).unwrap();
     let (sdf, usd) = (text("hammer.sdf"), text("hammer/usd/hammer.usda"));
-    for label in &field.labels {
+    for label in &field.parts {
         let stated = label.restitution.unwrap().mid;
         let bounce = format!("<restitution_coefficient>{stated}</restitution_coefficient><threshold>0.01</threshold>");
         assert!(sdf.contains(&bounce), "{bounce} is not in {sdf}");
@@ -231,7 +231,7 @@ fn restitutions_are_stated_where_a_format_has_them() {
         assert!((of_body["restitution"].as_f64().unwrap() - 0.25).abs() < 1e-6, "{found}");
     }
     // A library that says nothing leaves it to the engine.
-    field.labels.iter_mut().for_each(|label| label.restitution = None);
+    field.parts.iter_mut().for_each(|label| label.restitution = None);
     let silent = exported(&Model { field: &field, ..super::model(measured) }, &[Format::Sdf, Format::Urdf]);
     for file in ["hammer.sdf", "hammer.urdf"] {
         let text = std::fs::read_to_string(silent.path().join(file)).unwrap();

@@ -40,8 +40,8 @@ fn all_formats_are_written_and_the_summary_says_what_they_are() {
     let object = &summary["objects"][0];
     assert_eq!(object["input_from"]["z_up"].as_array().unwrap().len(), 16);
     assert_eq!(object["mass_kg"], serde_json::to_value(measured.parts().object.mass_kg).unwrap());
-    for (part, label) in object["parts"].as_array().unwrap().iter().zip(&measured.field.labels) {
-        let weighed = measured.parts().of_label(label.id).unwrap();
+    for (part, label) in object["parts"].as_array().unwrap().iter().zip(&measured.field.parts) {
+        let weighed = measured.parts().part(label.id).unwrap();
         assert_eq!(part["mass_kg"], serde_json::to_value(weighed.mass_kg).unwrap());
         assert_eq!(part["friction"], serde_json::to_value(label.friction_rubber).unwrap());
     }

@@ -12,7 +12,7 @@ use gprop::materials::MaterialLibrary;
 use gprop::parts::{NoVolume, Object, Part, Parts};
 use gprop::report::{grasp_line, part_lines};
 use gprop::units::{Estimate, GRAVITY_M_S2};
-use gprop::vote::FieldLabel;
+use gprop::vote::FieldPart;
 use nalgebra::{Point3, Vector3};
 use proptest::prelude::*;
 
@@ -47,8 +47,8 @@ fn part(id: u32, caption: &str, mass_kg: Estimate, thickness_m: Estimate, to_cen
     }
 }
 
-fn label(id: u32, friction: Estimate, strength_pa: Estimate, youngs_modulus_pa: Estimate) -> FieldLabel {
-    changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
+fn label(id: u32, friction: Estimate, strength_pa: Estimate, youngs_modulus_pa: Estimate) -> FieldPart {
+    changed(FieldPart::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
         label.density_kg_m3 = Estimate::exactly(1000.0);
         label.poisson_ratio = Estimate::exactly(0.3);
         label.hardness = None;
@@ -58,7 +58,7 @@ fn label(id: u32, friction: Estimate, strength_pa: Estimate, youngs_modulus_pa: 
 }
 
 /// A hickory handle (0) of 20 mm and a steel head (1) of 30 mm: 0.12 kg and 0.44 kg, the head nearer the middle.
-pub fn hammer() -> (Parts, Vec<FieldLabel>) {
+pub fn hammer() -> (Parts, Vec<FieldPart>) {
     let parts = vec![
         part(0, "wooden handle", Estimate::new(0.10, 0.12, 0.14), Estimate::new(0.018, 0.020, 0.022), Some(0.02)),
         part(1, "steel head", Estimate::new(0.40, 0.44, 0.48), Estimate::new(0.028, 0.030, 0.032), Some(0.01)),
@@ -400,7 +400,7 @@ fn bodies_that_are_written_as_parts_are_one_part() {
     };
     parts.parts.extend([body(1, 40, 0.25, 0.3), body(2, 60, 0.75, -0.1)]);
 
-    let head = parts.of_label(1).unwrap();
+    let head = parts.part(1).unwrap();
     assert_eq!((head.caption.as_str(), head.gaussians), ("steel head", 100));
     close(head.volume_m3.unwrap().mid, 1e-4);
     let mass = head.mass_kg.unwrap();
@@ -414,8 +414,8 @@ fn bodies_that_are_written_as_parts_are_one_part() {
     for (axis, by_hand) in [0.002, 0.0172, 0.0192].into_iter().enumerate() {
         close(inertia[axis][axis], by_hand);
     }
-    let ids: Vec<u32> = parts.by_label().map(|part| part.id).collect();
-    assert_eq!((ids, parts.of_label(2)), (vec![0, 1], None));
+    let ids: Vec<u32> = parts.whole_parts().map(|part| part.id).collect();
+    assert_eq!((ids, parts.part(2)), (vec![0, 1], None));
 
     for name in ["1", "steel head", "head", "steel head (2 of 2)"] {
         let report = grasp(&parts, &labels, None, 1.0, &paper(), &of_part(name)).unwrap();

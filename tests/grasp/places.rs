@@ -8,7 +8,7 @@ use gprop::grasp::{GraspError, GraspReport, Options, Reason, grasp};
 use gprop::parts::{self, PartsResult};
 use gprop::query::Form;
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
-use gprop::vote::FieldLabel;
+use gprop::vote::FieldPart;
 use gprop::words::progress::Progress;
 use nalgebra::{Point3, Vector3};
 
@@ -24,7 +24,7 @@ fn lollipop() -> Cloud {
 
 struct Scene {
     parts: PartsResult,
-    labels: Vec<FieldLabel>,
+    labels: Vec<FieldPart>,
     surface: Surface,
 }
 
@@ -34,9 +34,9 @@ fn scene(cloud: &Cloud, forms: &[Form]) -> Scene {
     let scale =
         MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
     let options = parts::Options { volume_cells: 200_000, ..Default::default() };
-    let parts = parts::parts(&gaussians, &field, &cameras, &[], Some(&scale), &options, Progress::Hidden).unwrap();
-    let surface = Surface::of(&gaussians, &field.part_label, &cameras, 1.0);
-    Scene { parts, labels: field.labels, surface }
+    let parts = parts::parts(&gaussians, &field, &cameras, Some(&scale), &options, Progress::Hidden).unwrap();
+    let surface = Surface::of(&gaussians, &field.part_index, &cameras, 1.0);
+    Scene { parts, labels: field.parts, surface }
 }
 
 fn run(scene: &Scene, gripper: &str, options: &Options) -> Result<GraspReport, GraspError> {

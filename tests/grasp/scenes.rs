@@ -40,7 +40,7 @@ impl Measured {
         let cameras: Vec<_> = scene.views.iter().map(|v| v.camera.clone()).collect();
         let options = parts::Options { volume_cells, ..Default::default() };
         let scale = scene.scale.as_ref();
-        let result = parts::parts(&scene.gaussians, field, &cameras, &[], scale, &options, Progress::Hidden).unwrap();
+        let result = parts::parts(&scene.gaussians, field, &cameras, scale, &options, Progress::Hidden).unwrap();
         Self { scene, field, result, cameras, with_paper: OnceLock::new() }
     }
 
@@ -52,9 +52,9 @@ impl Measured {
             let (scene, field) = KNOWN.get_or_init(|| {
                 const STEP: usize = 8;
                 let Known { scene, field, .. } = truth::known(&truth::hammer());
-                let part_label = field.part_label.iter().copied().step_by(STEP).collect();
+                let part_index = field.part_index.iter().copied().step_by(STEP).collect();
                 let scene = changed(scene.clone(), |scene| scene.gaussians = thinned_by(&scene.gaussians, STEP));
-                (scene, MaterialField::known(field.labels.clone(), part_label))
+                (scene, MaterialField::known(field.parts.clone(), part_index))
             });
             Self::of_field(scene, field, 20_000)
         })
@@ -67,10 +67,10 @@ impl Measured {
     /// The places at which the paper's gripper can grasp the scene, found once for all tests.
     pub fn with_paper(&self) -> &GraspReport {
         self.with_paper.get_or_init(|| {
-            let surface = Surface::of(&self.scene.gaussians, &self.field.part_label, &self.cameras, 1.0);
+            let surface = Surface::of(&self.scene.gaussians, &self.field.part_index, &self.cameras, 1.0);
             let (gripper, options) =
                 (GripperProfile::load("paper").unwrap(), Options { auto: true, ..Options::default() });
-            grasp(self.parts(), &self.field.labels, Some(&surface), 1.0, &gripper, &options).unwrap()
+            grasp(self.parts(), &self.field.parts, Some(&surface), 1.0, &gripper, &options).unwrap()
         })
     }
 }

@@ -5,7 +5,7 @@ use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
 use gprop::query::Form;
 use gprop::units::Estimate;
-use gprop::vote::{FieldLabel, MaterialField};
+use gprop::vote::{FieldPart, MaterialField};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
 use crate::support::changed;
@@ -112,8 +112,8 @@ impl Cloud {
     }
 }
 
-pub fn label(id: u32, form: Form) -> FieldLabel {
-    changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
+pub fn label(id: u32, form: Form) -> FieldPart {
+    changed(FieldPart::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
         label.caption = format!("part {id}");
         label.density_kg_m3 = Estimate::exactly(1000.0);
         label.youngs_modulus_pa = Estimate::exactly(1e9);

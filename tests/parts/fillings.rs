@@ -39,14 +39,14 @@ fn ball(inside: Contents, options: &Options) -> Parts {
     let cloud = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |_| 0);
     let wall_thickness_m = Range::new(0.8 * WALL_M, 1.2 * WALL_M);
     let (gaussians, mut field) = (cloud.gaussians(0.02), cloud.field(&[Form::Shell { wall_thickness_m }]));
-    field.labels[0].inside = Some(inside);
+    field.parts[0].inside = Some(inside);
     measured(&gaussians, &field, Some(&SCALE), options)
 }
 
 fn measured(gaussians: &Gaussians, field: &MaterialField, scale: Option<&MetricScale>, options: &Options) -> Parts {
     let options = Options { volume_cells: 60_000, ..options.clone() };
     let eyes = cameras(4.0, 40, |_| true);
-    parts(gaussians, field, &eyes, &[], scale, &options, Progress::Hidden).unwrap().metric().unwrap().clone()
+    parts(gaussians, field, &eyes, scale, &options, Progress::Hidden).unwrap().metric().unwrap().clone()
 }
 
 fn close(found: f64, expected: f64, error: f64) {
@@ -230,8 +230,8 @@ fn a_material_or_filling_may_be_named_like_a_part() {
     let gaussians = halves.gaussians(0.02);
     let named = |name: &str| {
         let mut field = halves.field(&[Form::Solid, Form::Mixed]);
-        field.labels.iter_mut().for_each(|label| label.density_kg_m3 = Estimate::new(800.0, 1000.0, 1250.0));
-        field.labels[0].material = name.to_owned();
+        field.parts.iter_mut().for_each(|label| label.density_kg_m3 = Estimate::new(800.0, 1000.0, 1250.0));
+        field.parts[0].material = name.to_owned();
         measured(&gaussians, &field, Some(&SCALE), &Options::default()).object
     };
     assert_eq!(named("1"), named("water"));

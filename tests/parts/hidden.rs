@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 
+use gprop::camera::Camera;
 use gprop::parts::{BodiesAs, Options, Parts, parts};
 use gprop::query::Form;
 use gprop::units::{MetricScale, Range, ScaleSource};
@@ -22,8 +23,7 @@ fn measured(cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool)
 fn measured_as(bodies: BodiesAs, cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool) -> Parts {
     let options = Options { volume_cells: 200_000, bodies, ..Options::default() };
     let (gaussians, field) = (cloud.gaussians(0.6 * SPACING), cloud.field(forms));
-    let result =
-        parts(&gaussians, &field, &cameras(4.0, 60, from), &[], Some(&SCALE), &options, Progress::Hidden).unwrap();
+    let result = parts(&gaussians, &field, &cameras(4.0, 60, from), Some(&SCALE), &options, Progress::Hidden).unwrap();
     result.metric().unwrap().clone()
 }
 
@@ -134,7 +134,7 @@ fn two_rods_in_two_sleeves() -> Cloud {
 fn a_rod_is_as_near_to_the_center_as_its_own_surface_is() {
     let distance = |bodies| {
         let parts = measured_as(bodies, &two_rods_in_two_sleeves(), &[Form::Solid, wall(0.001)], |_| true);
-        parts.of_label(0).unwrap().surface_to_center_of_mass_m.unwrap()
+        parts.part(0).unwrap().surface_to_center_of_mass_m.unwrap()
     };
     let (whole, in_bodies) = (distance(BodiesAs::OnePart), distance(BodiesAs::Parts));
     // As thick as the sleeves below, the rods have their centre of mass at z = -0.21: 0.22 from the sleeves, and 0.36 from
@@ -188,8 +188,8 @@ fn a_view_that_does_not_carve_bounds_nothing() {
     let above = cameras(4.0, 120, |n| n.z > 0.7);
     let below = cameras(4.0, 120, |n| n.z < -0.9);
     let options = Options { volume_cells: 50_000, carve_views: above.len(), ..Options::default() };
-    let result_of = |eyes: &[_]| {
-        let result = parts(&gaussians, &field, eyes, &[], Some(&SCALE), &options, Progress::Hidden).unwrap();
+    let result_of = |eyes: &[Camera]| {
+        let result = parts(&gaussians, &field, eyes, Some(&SCALE), &options, Progress::Hidden).unwrap();
         (result.metric().unwrap().clone(), result.interior)
     };
     // Spread evenly over one more view, those that carve are all but the last.

@@ -81,10 +81,10 @@ impl Line {
             self.maps.iter().map(|(view, map)| VotingView { name: &view.name, camera: &view.camera, map }).collect();
         let (library, hidden) = (MaterialLibrary::builtin(), Progress::Hidden);
         let field = vote(&scene.gaussians, &views, &self.answers, library, &vote::Options::default(), hidden)?;
-        assert_eq!(field.part_label.len(), scene.gaussians.len(), "every Gaussian has a label");
+        assert_eq!(field.part_index.len(), scene.gaussians.len(), "every Gaussian has a label");
         // Cells of 2 mm, coarser than in a user's run, which would take twenty times as long.
         let options = Options { volume_cells: 100_000, carve_views: 12, ..Options::default() };
-        let result = parts(&scene.gaussians, &field, &scene.cameras(), &[], scene.scale.as_ref(), &options, hidden)?;
+        let result = parts(&scene.gaussians, &field, &scene.cameras(), scene.scale.as_ref(), &options, hidden)?;
         let parts = result.metric()?.clone();
         let of_scene = scene.warnings.into_iter().chain(scene.notes);
         let warnings = of_scene.chain(field.warnings).chain(field.notes).chain(result.warnings).collect();

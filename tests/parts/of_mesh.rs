@@ -9,7 +9,7 @@ use gprop::query::Form;
 use gprop::scene::mesh::solid::Measured;
 use gprop::scene::mesh::{Face, Material, Mesh, PaintedMesh, Triangles, sample};
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
-use gprop::vote::{Contents, FieldLabel, Filled, MaterialField};
+use gprop::vote::{Contents, FieldPart, Filled, MaterialField};
 
 use super::clouds::label;
 use crate::scene::shapes::{cuboid, joined, reversed, revolved, sphere};
@@ -44,9 +44,9 @@ impl Sampled {
         Self { gaussians, measured: Measured::of(mesh).unwrap() }
     }
 
-    fn parts(&self, options: &Options, labels: Vec<FieldLabel>, part_of: impl Fn([f32; 3]) -> u32) -> Parts {
-        let part_label = self.gaussians.positions.iter().copied().map(part_of).collect();
-        let field = MaterialField::known(labels, part_label);
+    fn parts(&self, options: &Options, labels: Vec<FieldPart>, part_of: impl Fn([f32; 3]) -> u32) -> Parts {
+        let part_index = self.gaussians.positions.iter().copied().map(part_of).collect();
+        let field = MaterialField::known(labels, part_index);
         let result = parts_of_mesh(&self.gaussians, &field, &self.measured, Some(&SCALE), options).unwrap();
         let parts = result.metric().unwrap().clone();
         println!("{:?}: {:?} {:?}", self.measured.solid.kind, parts.object, parts.warnings);

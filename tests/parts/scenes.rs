@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use gprop::evaluate::scores::{Pair, Scores};
-use gprop::parts::{Options, Parts, parts};
+use gprop::parts::{Options, Parts, Views, parts};
 use gprop::units::Estimate;
 use gprop::words::progress::Progress;
 
@@ -14,8 +14,8 @@ fn measured(folder: &Path) -> (Parts, &'static Truth) {
     let cameras: Vec<_> = scene.views.iter().map(|v| v.camera.clone()).collect();
     let coverage: Vec<_> = scene.views.iter().map(|v| v.coverage().unwrap()).collect();
     let options = Options::default();
-    let result =
-        parts(&scene.gaussians, field, &cameras, &coverage, scene.scale.as_ref(), &options, Progress::Hidden).unwrap();
+    let views = Views { cameras: &cameras, coverage: &coverage };
+    let result = parts(&scene.gaussians, field, views, scene.scale.as_ref(), &options, Progress::Hidden).unwrap();
     println!("{}: {:?}", scene.name, result.warnings);
     (result.metric().unwrap().clone(), truth)
 }

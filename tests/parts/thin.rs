@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use gprop::camera::Camera;
-use gprop::parts::{Options, Parts, parts};
+use gprop::parts::{Options, Parts, Views, parts};
 use gprop::query::Form;
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
 use gprop::words::progress::Progress;
@@ -24,7 +24,8 @@ const WIRE: f64 = 0.03;
 fn measured(cloud: &Cloud, deviation: f64, forms: &[Form], eyes: &[Camera], coverage: &[Option<GrayImage>]) -> Parts {
     let options = Options { volume_cells: 200_000, ..Options::default() };
     let (gaussians, field) = (cloud.gaussians(deviation), cloud.field(forms));
-    let result = parts(&gaussians, &field, eyes, coverage, Some(&SCALE), &options, Progress::Hidden).unwrap();
+    let result =
+        parts(&gaussians, &field, Views { cameras: eyes, coverage }, Some(&SCALE), &options, Progress::Hidden).unwrap();
     result.metric().unwrap().clone()
 }
 

@@ -9,7 +9,7 @@ use gprop::query::Form;
 use gprop::render::{Colors, RenderOptions, render};
 use gprop::scene::{self, Scene};
 use gprop::units::{Estimate, Range};
-use gprop::vote::{FieldLabel, MaterialField};
+use gprop::vote::{FieldPart, MaterialField};
 use rayon::prelude::*;
 use serde::Deserialize;
 
@@ -90,8 +90,8 @@ fn field(scene: &Scene, truth: &Truth, folder: &Path) -> MaterialField {
         seen[seen_ones[found as usize]].unwrap()
     };
     let labels = visible.iter().enumerate().map(|(l, p)| label(l as u32, p)).collect();
-    let part_label = (0..count).into_par_iter().map(|i| seen[i].unwrap_or_else(|| of_nearest(i))).collect();
-    let mut field = MaterialField::known(labels, part_label);
+    let part_index = (0..count).into_par_iter().map(|i| seen[i].unwrap_or_else(|| of_nearest(i))).collect();
+    let mut field = MaterialField::known(labels, part_index);
     field.views = seen.iter().map(|s| u16::from(s.is_some())).collect();
     field
 }
@@ -125,12 +125,12 @@ fn votes(scene: &Scene, folder: &Path, visible: &[&TruePart]) -> Vec<Vec<u32>> {
     votes
 }
 
-fn label(id: u32, part: &TruePart) -> FieldLabel {
+fn label(id: u32, part: &TruePart) -> FieldPart {
     let form = match part.thickness_m.filter(|_| part.form == "shell") {
         Some(wall) => Form::Shell { wall_thickness_m: Range::exactly(wall) },
         None => Form::Solid,
     };
-    changed(FieldLabel::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
+    changed(FieldPart::of(id, &MaterialLibrary::builtin().materials()[0]), |label| {
         (label.caption, label.material, label.family) = (part.name.clone(), part.material.clone(), part.family.clone());
         label.density_kg_m3 = Estimate::exactly(part.density_kg_m3);
         label.youngs_modulus_pa = Estimate::exactly(part.youngs_modulus_pa);

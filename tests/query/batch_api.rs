@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
 use gprop::query::ask::rounds::Subject;
-use gprop::query::session::{QuerySession, QueryView, Subjects, WholeViews};
+use gprop::query::session::{Folders, QuerySession, QueryView, Subjects, WholeViews};
 use gprop::query::{AnswerSource, Context, Options, QueryError};
 use gprop::words::progress::Progress;
 use gprop::workdir::WorkDir;
@@ -166,7 +166,8 @@ impl Place {
             whole: WholeViews::default(),
             regions: Vec::new(),
         };
-        QuerySession::new(options, subjects, MaterialLibrary::builtin(), home, &self.work, Ok(()), hidden).unwrap()
+        let folders = Folders { home, work: &self.work };
+        QuerySession::new(options, subjects, MaterialLibrary::builtin(), folders, Ok(()), hidden).unwrap()
     }
 
     fn recorded(&self) -> Vec<PathBuf> {

@@ -85,12 +85,12 @@ fn assert_within(what: &str, share: f64, found: f64, expected: f64) {
 fn weighed_and_grasped(scene: &Scene) -> (Parts, GraspReport) {
     let (cameras, field) = (scene.cameras(), Measured::of(&hammer()).field);
     let (gaussians, scale) = (&scene.gaussians, scene.scale.as_ref());
-    let found = parts(gaussians, field, &cameras, &[], scale, &parts::Options::default(), Progress::Hidden).unwrap();
+    let found = parts(gaussians, field, &cameras, scale, &parts::Options::default(), Progress::Hidden).unwrap();
     let found = found.metric().unwrap().clone();
-    let surface = Surface::of(gaussians, &field.part_label, &cameras, 1.0);
+    let surface = Surface::of(gaussians, &field.part_index, &cameras, 1.0);
     let gripper = GripperProfile::load("paper").unwrap();
     let asked = grasp::Options { auto: true, ..Default::default() };
-    let report = grasp(&found, &field.labels, Some(&surface), 1.0, &gripper, &asked).unwrap();
+    let report = grasp(&found, &field.parts, Some(&surface), 1.0, &gripper, &asked).unwrap();
     (found, report)
 }
 

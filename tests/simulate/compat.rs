@@ -13,7 +13,7 @@ use gprop::simulate::compat::solver::Solver;
 use gprop::simulate::compat::{run, strength_at};
 use gprop::simulate::material::{SOFT_PA, Soften};
 use gprop::units::Estimate;
-use gprop::vote::FieldLabel;
+use gprop::vote::FieldPart;
 use gprop::words::progress::Progress;
 use nalgebra::Vector3;
 use zip::write::SimpleFileOptions;
@@ -318,8 +318,8 @@ fn a_region_without_gaussians_is_told() {
     assert!(why.contains("`sim_area`") && why.contains("`opacity_threshold`"), "{why}");
 }
 
-fn label(law: Law, youngs_modulus_pa: f64, density_kg_m3: f64) -> FieldLabel {
-    changed(FieldLabel::of(0, &MaterialLibrary::builtin().materials()[0]), |label| {
+fn label(law: Law, youngs_modulus_pa: f64, density_kg_m3: f64) -> FieldPart {
+    changed(FieldPart::of(0, &MaterialLibrary::builtin().materials()[0]), |label| {
         (label.law, label.hardness) = (law, None);
         label.density_kg_m3 = Estimate::exactly(density_kg_m3);
         label.youngs_modulus_pa = Estimate::exactly(youngs_modulus_pa);
@@ -402,7 +402,7 @@ fn every_particle_has_the_material_of_its_gaussian() {
     let json = PRESSED.replace("\"n_grid\": 24", "\"n_grid\": 48").replace("\"n_grid\": 30", "\"n_grid\": 80");
     let config = Config::from_json(&format!("{json}}}")).unwrap();
     let laws = [label(Law::Elastic, 4e5, 500.0), label(Law::VonMises { yield_stress_pa: 1e3 }, 2e5, 900.0)];
-    let outcome_with = |labels: &[FieldLabel]| {
+    let outcome_with = |labels: &[FieldPart]| {
         let estimated = Estimated::new(&of_gaussian, labels, Soften::Cap, SOFT_PA);
         last(&two, &config, Some(&estimated)).1
     };

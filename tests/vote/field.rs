@@ -10,8 +10,8 @@ use gprop::render::{RenderOptions, render, render_labels};
 use gprop::segment::LabelMap;
 use gprop::units::{Estimate, Range, ShoreHardness, ShoreScale};
 use gprop::vote::{
-    Agreement, AnsweredPart, Contents, FieldLabel, MaterialField, Options, Rule, VoteError, VotingView, field_ply,
-    vote, vote_on_parts,
+    Agreement, AnsweredPart, Contents, FieldPart, MaterialField, Options, Rule, VoteError, VotingView, field_ply, vote,
+    vote_on_parts,
 };
 use gprop::words::progress::Progress;
 
@@ -96,14 +96,14 @@ fn the_majority_of_the_views_wins_and_confidence_says_by_how_much() {
     // Each Gaussian for itself, as in the paper: all three views see it, two say material 0.
     let options = Options { vote: Rule::Frequency, agree: Agreement::Gaussian, ..Default::default() };
     let field = ballot.count(&gaussians, &options).unwrap();
-    assert_eq!(field.labels.len(), 1);
-    assert_eq!(field.labels[0].material, material_of(0));
+    assert_eq!(field.parts.len(), 1);
+    assert_eq!(field.parts[0].material, material_of(0));
     assert!(field.views.iter().all(|&views| views == 3));
     assert!(field.votes.iter().all(|&votes| votes == 2.0));
     assert!(field.confidence.iter().all(|c| (c - 2.0 / 3.0).abs() < 1e-6));
     // The views agree first: all three then vote for material 0, but one of three answers named another.
     let field = ballot.count(&gaussians, &Options { vote: Rule::Frequency, ..Default::default() }).unwrap();
-    assert_eq!(field.labels[0].material, material_of(0));
+    assert_eq!(field.parts[0].material, material_of(0));
     assert!(field.votes.iter().all(|&votes| votes == 3.0));
     assert!(field.confidence.iter().all(|c| (c - 2.0 / 3.0).abs() < 1e-6), "{:?}", field.confidence);
 }
@@ -114,7 +114,7 @@ fn a_single_view_decides_alone() {
     let mut ballot = Ballot::default();
     ballot.view(&gaussians, front(2), &vec![1; gaussians.len()]).says(1, answer("wall", 0));
     let field = ballot.count(&gaussians, &Options::default()).unwrap();
-    assert!(field.part_label.iter().all(|&label| label == 0) && field.views.iter().all(|&views| views == 1));
+    assert!(field.part_index.iter().all(|&label| label == 0) && field.views.iter().all(|&views| views == 1));
 }
 
 #[test]
@@ -139,7 +139,7 @@ fn a_segment_on_no_gaussian_is_named() {
     map.labels[..width].fill(2);
     for rule in BOTH_RULES {
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
-        assert_eq!(field.labels.len(), 1);
+        assert_eq!(field.parts.len(), 1);
         assert_eq!(
             field.notes,
             [
@@ -160,7 +160,7 @@ fn a_tie_goes_to_the_surer_answers_then_to_the_first_name() {
             let answer = changed(answer("wall", ROWS[n]), |answer| answer.confidence = confidence[n]);
             ballot.view(&gaussians, [0.0, -3.0, 0.0], &whole).says(1, answer);
         }
-        ballot.count(&gaussians, &options).unwrap().labels[0].material.clone()
+        ballot.count(&gaussians, &options).unwrap().parts[0].material.clone()
     };
     assert_eq!(winner([0.4, 0.9]), material_of(1));
     assert_eq!(winner([0.9, 0.4]), material_of(0));
@@ -181,7 +181,7 @@ fn what_a_wall_hides_takes_no_vote_through_it() {
         ballot.view(&gaussians, [0.0, -3.0, 0.0], &labels).says(1, answer("front", 0));
         ballot.view(&gaussians, [0.0, 3.0, 0.0], &labels).says(2, answer("back", 1));
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
-        let material = |i: usize| field.labels[field.part_label[i] as usize].material.as_str();
+        let material = |i: usize| field.parts[field.part_index[i] as usize].material.as_str();
         // Away from the rim, where the views look past the walls' edges.
         let inner = |i: &usize| gaussians.positions[*i][0].abs() < 0.7 && gaussians.positions[*i][2].abs() < 0.3;
         for i in (0..gaussians.len()).filter(inner) {
@@ -206,7 +206,7 @@ fn one_part_under_three_numbers_is_one_label() {
             ballot.says(left as u16, answer("left", if n == 1 { 2 } else { 0 })).says(right as u16, answer("right", 1));
         }
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
-        let mut materials: Vec<_> = field.labels.iter().map(|label| label.material.as_str()).collect();
+        let mut materials: Vec<_> = field.parts.iter().map(|label| label.material.as_str()).collect();
         materials.sort_unstable();
         let mut expected = [material_of(0), material_of(1)];
         expected.sort_unstable();
@@ -215,7 +215,7 @@ fn one_part_under_three_numbers_is_one_label() {
         // A pixel is 0.06 wide; nearer to the border than that, either half may own it.
         for (i, [x, ..]) in gaussians.positions.iter().enumerate().filter(|(_, p)| p[0].abs() > 0.06) {
             let expected = material_of(usize::from(*x >= 0.0));
-            assert_eq!(field.labels[field.part_label[i] as usize].material, expected, "{rule:?}: x = {x}");
+            assert_eq!(field.parts[field.part_index[i] as usize].material, expected, "{rule:?}: x = {x}");
         }
     }
 }
@@ -230,8 +230,8 @@ fn touching_parts_of_one_material_stay_two_although_a_view_took_them_for_one() {
     }
     ballot.view(&gaussians, front(4), &vec![1; gaussians.len()]).says(1, answer("doors", 0));
     let field = ballot.count(&gaussians, &Options::default()).unwrap();
-    assert_eq!(field.labels.len(), 2, "{:?}", field.labels);
-    assert_ne!(field.part_label[0], field.part_label[31]);
+    assert_eq!(field.parts.len(), 2, "{:?}", field.parts);
+    assert_ne!(field.part_index[0], field.part_index[31]);
 }
 
 #[test]
@@ -247,7 +247,7 @@ fn a_part_cut_finer_in_some_views_is_one_label() {
         }
     }
     let field = ballot.count(&gaussians, &Options::default()).unwrap();
-    assert_eq!(field.labels.len(), 1, "{:?}", field.labels);
+    assert_eq!(field.parts.len(), 1, "{:?}", field.parts);
 }
 
 #[test]
@@ -270,7 +270,7 @@ fn numbers_come_from_the_winning_answers_alone() {
     }
     let odd = changed(answer("wall", 1), |answer| answer.density_kg_m3 = Range::new(7800.0, 7900.0));
     ballot.view(&gaussians, front(3), &whole).says(1, odd);
-    let label = &ballot.count(&gaussians, &Options::default()).unwrap().labels[0];
+    let label = &ballot.count(&gaussians, &Options::default()).unwrap().parts[0];
     // Middles 600, 800 and 620; the hull of the three ranges.
     assert_eq!((label.density_kg_m3.low, label.density_kg_m3.mid, label.density_kg_m3.high), (500.0, 620.0, 1000.0));
     assert_eq!(label.hardness, shore(40.0, 70.0));
@@ -279,14 +279,14 @@ fn numbers_come_from_the_winning_answers_alone() {
 }
 
 /// The label of a wall about which views say these things.
-fn label_of(answers: Vec<Answer>) -> FieldLabel {
+fn label_of(answers: Vec<Answer>) -> FieldPart {
     let gaussians = cloud(&wall(0.0));
     let whole = vec![1; gaussians.len()];
     let mut ballot = Ballot::default();
     for (n, answer) in answers.into_iter().enumerate() {
         ballot.view(&gaussians, front(n), &whole).says(1, answer);
     }
-    ballot.count(&gaussians, &Options::default()).unwrap().labels.remove(0)
+    ballot.count(&gaussians, &Options::default()).unwrap().parts.remove(0)
 }
 
 #[test]
@@ -344,7 +344,7 @@ fn failed_answers_cast_no_votes_and_are_counted() {
     ballot.view(&gaussians, front(1), &halves).says(1, answer("left", 0)).says(2, answer("right", 1));
     ballot.view(&gaussians, front(2), &vec![0; gaussians.len()]);
     let field = ballot.count(&gaussians, &Options::default()).unwrap();
-    assert_eq!(field.labels[field.part_label[31] as usize].material, material_of(1));
+    assert_eq!(field.parts[field.part_index[31] as usize].material, material_of(1));
     assert_eq!((field.views[0], field.views[31]), (2, 1));
     let said = field.warnings.join("\n");
     assert!(said.contains("1 of 4 segments has no answer") && said.contains("view0/2"), "{said}");
@@ -369,7 +369,7 @@ fn a_segment_without_an_answer_takes_its_neighbours_material_unseen() {
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
         let last = 31;
         assert!(gaussians.positions[last][0] > 0.5);
-        assert_eq!(field.labels[field.part_label[last] as usize].material, material_of(0));
+        assert_eq!(field.parts[field.part_index[last] as usize].material, material_of(0));
         assert_eq!((field.views[last], field.votes[last], field.confidence[last]), (0, 0.0, 0.0), "{rule:?}");
         assert!(field.views[0] > 0);
         let said = field.warnings.join("\n");
@@ -392,7 +392,7 @@ fn among_gaussians_without_thickness_the_nearest_decide_for_an_unseen_one() {
     ballot.view(&gaussians, front(2), &halves).says(1, answer("lower", 0)).says(2, answer("upper", 1));
     let field = ballot.count(&gaussians, &Options::default()).unwrap();
     assert_eq!(field.views[unseen], 0);
-    assert_eq!(field.labels[field.part_label[unseen] as usize].material, material_of(1));
+    assert_eq!(field.parts[field.part_index[unseen] as usize].material, material_of(1));
 }
 
 #[test]
@@ -444,13 +444,13 @@ fn a_part_keeps_the_id_under_which_it_was_asked_about() {
     let parts = AnsweredPart::collect([(9, &board, 9.0), (4, &end, 4.0), (2, &pin, 1.0)]);
     let (views, library, options) = (ballot.inputs(), MaterialLibrary::builtin(), Options::default());
     let field = vote_on_parts(&gaussians, &views, &parts, library, &options, Progress::Hidden).unwrap();
-    let named: Vec<(u32, &str)> = field.labels.iter().map(|label| (label.id, label.caption.as_str())).collect();
+    let named: Vec<(u32, &str)> = field.parts.iter().map(|label| (label.id, label.caption.as_str())).collect();
     assert_eq!(named, [(4, "end"), (9, "board")]);
     let found: Vec<u32> = field.part_ids().collect();
     assert_eq!((found[0], found[31]), (4, 9));
     let columns = field_ply::columns(&field);
     assert!(columns[0].values.iter().zip(&found).all(|(column, id)| *column == *id as f32));
-    assert_eq!(field_ply::read(&columns, field.labels.clone()).unwrap(), field);
+    assert_eq!(field_ply::read(&columns, field.parts.clone()).unwrap(), field);
 }
 
 #[test]
@@ -467,7 +467,7 @@ fn strange_gaussians_and_a_camera_inside_do_no_harm() {
     ballot.view(&gaussians, [0.0, 0.15, 0.01], &labels).says(1, answer("wall", 0));
     for rule in BOTH_RULES {
         let field = ballot.count(&gaussians, &Options { vote: rule, ..Default::default() }).unwrap();
-        assert!(field.part_label.iter().all(|&label| label == 0));
+        assert!(field.part_index.iter().all(|&label| label == 0));
         let faint = [field.views[blobs.len() - 3], field.views[blobs.len() - 2]];
         assert_eq!(faint, [0, 0], "what is too faint to be drawn is not seen");
         let noted = field.notes.join("\n");
@@ -506,9 +506,9 @@ fn the_columns_of_the_ply_hold_the_field() {
     assert_eq!(names.join(" "), expected);
     assert!(columns.iter().all(|column| column.values.len() == gaussians.len()));
 
-    let materials = field_ply::materials(&field.labels, MaterialLibrary::builtin());
+    let materials = field_ply::materials(&field.parts, MaterialLibrary::builtin());
     for i in 0..gaussians.len() {
-        let label = &field.labels[field.part_label[i] as usize];
+        let label = &field.parts[field.part_index[i] as usize];
         assert_eq!(materials[columns[1].values[i] as usize].name, label.material);
         assert_eq!(columns[2].values[i], label.density_kg_m3.mid as f32);
         assert_eq!(columns[3].values[i], label.youngs_modulus_pa.mid as f32);
@@ -529,5 +529,5 @@ fn the_columns_of_the_ply_hold_the_field() {
     let mut file = Vec::new();
     gprop::scene::splat::ply::write(&mut file, &gaussians, &columns).unwrap();
     let reread = gprop::scene::splat::ply::parse(&file).unwrap().gaussians;
-    assert_eq!(field_ply::read(&reread.extra, field.labels.clone()).unwrap(), field);
+    assert_eq!(field_ply::read(&reread.extra, field.parts.clone()).unwrap(), field);
 }

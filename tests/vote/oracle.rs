@@ -32,8 +32,8 @@ pub fn true_answers(measured: &Measured, maps: &[(View, LabelMap)]) -> Answers {
 /// The true part that each Gaussian was voted to be.
 fn true_parts(measured: &Measured, field: &MaterialField) -> Vec<u32> {
     let names = measured.part_names();
-    let name_of = |label: u32| names.iter().position(|name| *name == field.labels[label as usize].caption);
-    field.part_label.iter().map(|&label| name_of(label).unwrap() as u32).collect()
+    let name_of = |label: u32| names.iter().position(|name| *name == field.parts[label as usize].caption);
+    field.part_index.iter().map(|&label| name_of(label).unwrap() as u32).collect()
 }
 
 /// IoU of each field over the held-out views by part.
@@ -107,7 +107,7 @@ fn true_parts_come_back_in_views_that_did_not_vote() {
             println!("{} by {rule:?}: mIoU {mean:.4} {ious:.4?}", measured.scene.name);
             total[n] += mean / scenes.len() as f64;
             if rule == Options::default().vote {
-                assert_eq!(field.labels.len(), ious.len(), "as many labels as parts: {:?}", field.labels);
+                assert_eq!(field.parts.len(), ious.len(), "as many labels as parts: {:?}", field.parts);
                 for (part, iou) in ious {
                     assert!(iou > floor(&measured.scene.name, part), "{} {part}: {iou}", measured.scene.name);
                 }

@@ -71,7 +71,7 @@ pub fn density(subject: &Subject) -> Option<Finding> {
     let (Mass::Stated(mass) | Mass::OfShapes(mass)) = subject.mass else { return None };
     let best = subject.size.best()?;
     let [least, mid, _] = best.volume_m3?;
-    let has = |is: fn(&Shape) -> bool| subject.body.shapes.iter().any(is);
+    let has = |holds: fn(&Shape) -> bool| subject.body.shapes.iter().any(holds);
     let is_endless = has(|shape| shape.geometry == Geometry::Plane);
     // What neither moves nor collides is there to be looked at.
     let is_picture = subject.body.mobility == Mobility::Static && !has(|shape| shape.role.collides());

@@ -117,5 +117,5 @@ fn questions(global: &Global, step: batch_api::Step, batch: &Batch, questions: &
         return Ok(());
     }
     let scenes = batch.scenes().count();
-    Err(BatchError::Incomplete { scenes, failed: failures, missing: Vec::new() }.into())
+    Err(BatchError::Incomplete { scenes, failed: failures, missing: Vec::new(), lacks_answers: false }.into())
 }

@@ -18,7 +18,6 @@ use std::sync::{Mutex, PoisonError};
 use serde_json::{Map, Value};
 
 use crate::error::{ErrorKind, Result, UsageError};
-use crate::exit::Exit;
 use crate::mcp::{self, About, Call, Content, Finished, Outcome, Refused, Roots};
 use crate::pipeline::THREADS;
 use crate::query::exchange::read_back::Origins;
@@ -124,7 +123,7 @@ fn outcome(ended: io::Result<Finished>) -> Outcome {
 
 /// Everything was done; a check may have found something wrong.
 fn is_done(code: i32) -> bool {
-    [Exit::Done, Exit::Wrong].iter().any(|exit| *exit as i32 == code)
+    code == 0 || code == i32::from(ErrorKind::Wrong.exit_code())
 }
 
 fn failed(content: Vec<Content>) -> Outcome {
@@ -138,7 +137,7 @@ fn message_of(ended: &Finished) -> String {
     let error = ["\n\nUsage:", "\n\nFor more information"]
         .iter()
         .fold(error.as_str(), |text, end| text.split_once(end).map_or(text, |(message, _)| message));
-    let answer = Exit::from(ErrorKind::Answer) as i32;
+    let answer = i32::from(ErrorKind::Answer.exit_code());
     match code {
         Some(code) if *code == answer => format!(
             "{error}\nThe tools `questions` and `answers` let you answer; \"answers\": \"partial\" goes on without those that are open."

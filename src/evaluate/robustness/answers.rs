@@ -180,11 +180,11 @@ impl Oracle {
     }
 
     fn labels(&self, field: &MaterialField) -> Vec<u16> {
-        let part = |label: &vote::FieldLabel| {
+        let part = |label: &vote::FieldPart| {
             let named = self.materials.iter().position(|material| material.name == label.material);
             named.map_or(0, |n| u16::from(self.parts[n]) + 1)
         };
-        let of_label: Vec<u16> = field.labels.iter().map(part).collect();
-        field.part_label.iter().map(|&label| of_label[label as usize]).collect()
+        let of_label: Vec<u16> = field.parts.iter().map(part).collect();
+        field.part_index.iter().map(|&label| of_label[label as usize]).collect()
     }
 }

@@ -75,11 +75,11 @@ impl Facts {
             center_of_mass: frame.point(object.center_of_mass_m.into()).into(),
             inertia_kg_m2: std::array::from_fn(|row| std::array::from_fn(|column| inertia[(row, column)])),
             meters_per_unit: frame.meters_per_unit,
-            friction_rubber: least_friction(&model.field.labels, parts, None),
-            restitution: least_restitution(&model.field.labels),
+            friction_rubber: least_friction(&model.field.parts, parts, None),
+            restitution: least_restitution(&model.field.parts),
             claimed_mass_kg: mesh.claimed_mass_kg,
-            materials: material_names(&model.field.labels).into_iter().map(str::to_owned).collect(),
-            parts: model.field.labels.iter().map(|label| part_facts(model, label.id)).collect(),
+            materials: material_names(&model.field.parts).into_iter().map(str::to_owned).collect(),
+            parts: model.field.parts.iter().map(|label| part_facts(model, label.id)).collect(),
             note: model.note_on_scale(),
         }
     }

@@ -225,7 +225,7 @@ impl<'a> Editor<'a> {
             let name = within(&body_name(shared.model.name), &collider.name);
             // A node of no scene, so that the hull is not drawn.
             let shape = self.add_node(json!({ "name": format!("{name} hull"), "mesh": self.meshes - 1 }));
-            let label = label_of(&shared.model.field.labels, collider.part);
+            let label = label_of(&shared.model.field.parts, collider.part);
             let material = match material_of.get(&collider.part) {
                 Some(material) => *material,
                 None => self.add_physics_material(shared.model.friction(label), restitution(label)),
@@ -241,7 +241,7 @@ impl<'a> Editor<'a> {
 
     /// The `material_id` of each vertex; `None` if the file has other vertices than those that were read.
     fn state_materials(&mut self, document: &Value) -> Option<()> {
-        let labels = &self.filled.shared.model.field.labels;
+        let labels = &self.filled.shared.model.field.parts;
         let names = material_names(labels);
         let id_of = |label: u32| names.iter().position(|name| *name == labels[label as usize].material);
         let ids: Vec<u16> =

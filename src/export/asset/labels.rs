@@ -22,7 +22,7 @@ impl SurfaceLabels {
     pub fn of(model: &Model, mesh: &SceneMesh) -> Self {
         let surface = &mesh.painted.mesh.surface;
         let mut votes: Vec<(u32, u32)> =
-            mesh.triangle_of_gaussian.iter().copied().zip(model.field.part_label.iter().copied()).collect();
+            mesh.triangle_of_gaussian.iter().copied().zip(model.field.part_index.iter().copied()).collect();
         votes.sort_unstable();
         let mut elected: Vec<Option<u32>> = vec![None; surface.triangles.len()];
         for of_triangle in votes.chunk_by(|a, b| a.0 == b.0) {
@@ -70,7 +70,7 @@ fn filled(model: &Model, surface: &Triangles, elected: &[Option<u32>]) -> Vec<u3
         let corners = surface.triangles[triangle].map(|corner| surface.vertices[corner as usize]);
         let middle = std::array::from_fn(|axis| (corners.iter().map(|corner| corner[axis]).sum::<f64>() / 3.0) as f32);
         let (indices, nearest) = of_surface.get(&surface_of[triangle]).unwrap_or(&everywhere);
-        nearest.find(middle, 1).first().map_or(0, |(_, at)| model.field.part_label[indices[*at as usize]])
+        nearest.find(middle, 1).first().map_or(0, |(_, at)| model.field.part_index[indices[*at as usize]])
     };
     parallel::map_range(elected.len(), |triangle| elected[triangle].unwrap_or_else(|| of_nearest(triangle)))
 }

@@ -15,13 +15,13 @@ pub fn write(asset: &Asset, model: &Model, files: &mut Files) -> Result<(), Expo
     let labels = SurfaceLabels::of(model, asset.mesh);
     let name = identifier(model.name);
     // The columns of each label.
-    let count = model.field.labels.len() as u32;
-    let each = MaterialField::known(model.field.labels.clone(), (0..count).collect());
+    let count = model.field.parts.len() as u32;
+    let each = MaterialField::known(model.field.parts.clone(), (0..count).collect());
     let columns = field_ply::columns(&each);
     let columns: Vec<&Vec<f32>> =
         columns.iter().filter(|column| COLUMNS.contains(&column.name.as_str())).map(|column| &column.values).collect();
     let row = |label: u32| -> Vec<String> {
-        let material = &model.field.labels[label as usize].material;
+        let material = &model.field.parts[label as usize].material;
         let numbers = columns.iter().map(|column| column[label as usize]);
         let numbers = numbers.map(|number| if number.is_finite() { number.to_string() } else { String::new() });
         numbers.chain([material.clone()]).collect()

@@ -24,7 +24,7 @@ use crate::gaussians::Gaussians;
 use crate::parallel;
 use crate::parts::{Interior, OUTSIDE};
 use crate::scene::SupportSurface;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 pub use bake::Painter;
 pub use colliders::Collider;
 use footing::Footing;
@@ -153,7 +153,7 @@ pub struct Shape {
 impl Shape {
     pub fn of(
         interior: &Interior,
-        labels: &[FieldLabel],
+        labels: &[FieldPart],
         support: Option<&SupportSurface>,
         meters_per_unit: f64,
     ) -> Self {

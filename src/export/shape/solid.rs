@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use nalgebra::{Point3, Vector3};
 
 use crate::parts::{FILLING, Grid, Interior, OUTSIDE, VOID};
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 /// The cells of the object.
 pub struct Solid {
@@ -17,7 +17,7 @@ pub struct Solid {
 
 impl Solid {
     /// Gives fillings to their shells, and each cell of a void to the part from which the fewest steps lead to it.
-    pub fn of(interior: &Interior, labels: &[FieldLabel]) -> Self {
+    pub fn of(interior: &Interior, labels: &[FieldPart]) -> Self {
         let grid = interior.grid;
         let owner = |content: &u32| match *content {
             VOID | OUTSIDE => *content,

@@ -7,7 +7,7 @@ use super::text::{quoted, triple};
 use crate::export::links::Inertial;
 use crate::export::{Rigid, friction, restitution};
 use crate::numeric::principal_axes;
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 /// The attributes of a rigid body's mass.
 pub fn mass(Inertial { mass_kg, center_m, inertia }: &Inertial) -> String {
@@ -36,7 +36,7 @@ pub fn write_materials(text: &mut String, rigid: &Rigid) {
     text.push_str("    }\n\n");
 }
 
-fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldLabel) {
+fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldPart) {
     let name = &rigid.name;
     let part = rigid.part_name(label.id);
     let path = format!("/{name}/materials/{part}");

@@ -3,7 +3,7 @@
 
 use nalgebra::Vector3;
 
-use super::{Grid, Labelled, NONE, Surface, assign};
+use super::{Grid, Labelled, Labels, NONE, Surface, assign};
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
 use crate::parallel;
@@ -18,13 +18,7 @@ const POINTS: usize = 20_000;
 const BESIDE: [f64; 2] = [0.017, 0.029];
 
 /// Gives the cells of each body the labels of its own Gaussians.
-pub fn keep_to_bodies(
-    cells: &mut Labelled,
-    gaussians: &Gaussians,
-    labels: &[u32],
-    label_count: usize,
-    mesh: &Measured,
-) {
+pub fn keep_to_bodies(cells: &mut Labelled, gaussians: &Gaussians, labels: Labels, mesh: &Measured) {
     let bodies = mesh.bodies();
     if !(2..=MOST_BODIES).contains(&bodies) {
         return;
@@ -39,7 +33,7 @@ pub fn keep_to_bodies(
         }
         let surface = Surface::of(&cells.grid, &inside);
         let in_view = vec![true; surface.cells.len()];
-        let own = assign(gaussians, &kept, labels, label_count, cells.grid, surface, &in_view);
+        let own = assign(gaussians, Labels { kept: &kept, ..labels }, cells.grid, surface, &in_view);
         let found = own.label.into_iter().enumerate().filter(|(_, label)| *label != NONE);
         found.for_each(|(cell, label)| cells.label[cell] = label);
     }

@@ -40,18 +40,20 @@ impl Labelled {
     }
 }
 
-/// Gives every cell within `surface` a label below `label_count`. `labels` are the Gaussians' labels; `in_view` tells
-/// for each surface cell whether a view saw it.
-pub fn assign(
-    gaussians: &Gaussians,
-    kept: &[bool],
-    labels: &[u32],
-    label_count: usize,
-    grid: Grid,
-    surface: Surface,
-    in_view: &[bool],
-) -> Labelled {
-    let on_surface = surface_labels(gaussians, kept, labels, label_count, &grid, &surface);
+/// The labels of the Gaussians.
+#[derive(Clone, Copy)]
+pub struct Labels<'a> {
+    pub of_gaussian: &'a [u32],
+    /// Per Gaussian: whether it is of the object.
+    pub kept: &'a [bool],
+    /// All are below.
+    pub count: usize,
+}
+
+/// Gives every cell within `surface` the label of the `gaussians` there; `in_view` tells for each surface cell whether a
+/// view saw it.
+pub fn assign(gaussians: &Gaussians, labels: Labels, grid: Grid, surface: Surface, in_view: &[bool]) -> Labelled {
+    let on_surface = surface_labels(gaussians, labels, &grid, &surface);
     let seen: Vec<bool> = on_surface.iter().zip(in_view).map(|(l, in_view)| *l != NONE && *in_view).collect();
     let on_surface = along_surface(&grid, &surface, &on_surface, &seen);
     let mut label: Vec<u32> =
@@ -80,14 +82,8 @@ fn along_surface(grid: &Grid, surface: &Surface, on_surface: &[u32], seen: &[boo
 }
 
 /// Per surface cell, the label with the most weight among the Gaussians there; [`NONE`] if there is too little.
-fn surface_labels(
-    gaussians: &Gaussians,
-    kept: &[bool],
-    labels: &[u32],
-    label_count: usize,
-    grid: &Grid,
-    surface: &Surface,
-) -> Vec<u32> {
+fn surface_labels(gaussians: &Gaussians, labels: Labels, grid: &Grid, surface: &Surface) -> Vec<u32> {
+    let Labels { of_gaussian, kept, count } = labels;
     let mut slot = vec![NONE; grid.len()];
     for (s, &cell) in surface.cells.iter().enumerate() {
         slot[cell as usize] = s as u32;
@@ -100,17 +96,17 @@ fn surface_labels(
     let new_block = |cells: std::ops::Range<usize>| {
         let first = surface.cells.partition_point(|&c| (c as usize) < cells.start);
         let end = surface.cells.partition_point(|&c| (c as usize) < cells.end);
-        Block { slot: &slot[cells], first: first as u32, weight: vec![0.0; (end - first) * label_count] }
+        Block { slot: &slot[cells], first: first as u32, weight: vec![0.0; (end - first) * count] }
     };
     let blocks = splat(gaussians, kept, grid, LEAST_DEVIATION, new_block, |block, place, gaussian, value| {
         if block.slot[place] != NONE {
             let row = (block.slot[place] - block.first) as usize;
-            block.weight[row * label_count + labels[gaussian] as usize] += value as f32;
+            block.weight[row * count + of_gaussian[gaussian] as usize] += value as f32;
         }
     });
     let winner = |weights: &[f32]| {
         let first_best = (0..weights.len()).rev().max_by(|&a, &b| weights[a].total_cmp(&weights[b]));
         first_best.filter(|&best| weights[best] >= WEIGHT_MIN).map_or(NONE, |best| best as u32)
     };
-    blocks.iter().flat_map(|block| block.weight.chunks_exact(label_count).map(winner)).collect()
+    blocks.iter().flat_map(|block| block.weight.chunks_exact(count).map(winner)).collect()
 }

@@ -91,8 +91,8 @@ impl Blocks {
             regions.entry(label).or_insert_with(|| Region::of(at)).include(at);
         }
         let share = |(label, region): (u32, Region)| {
-            let is = |i: usize| f32::from(u8::from(self.label[i] == label));
-            Share { label, region, values: region.rows(&self.grid).flat_map(|(_, at)| at.map(is)).collect() }
+            let share_of = |i: usize| f32::from(u8::from(self.label[i] == label));
+            Share { label, region, values: region.rows(&self.grid).flat_map(|(_, at)| at.map(share_of)).collect() }
         };
         regions.into_iter().map(share).collect()
     }

@@ -9,13 +9,13 @@
 use super::Possible;
 use crate::materials::MaterialLibrary;
 use crate::query::ask::evidence::OUTSIDE;
-use crate::vote::{Correction, FieldLabel};
+use crate::vote::{Correction, FieldPart};
 
 /// The choices after a `correction`, if there were any before; `label` is the part as the user says that it is.
 pub fn corrected(
     mut choices: Vec<Possible>,
     correction: &Correction,
-    label: &FieldLabel,
+    label: &FieldPart,
     library: &MaterialLibrary,
 ) -> Vec<Possible> {
     let Some(hypotheses) = choices.first().map(|choice| choice.under.len()) else { return choices };
@@ -25,7 +25,7 @@ pub fn corrected(
         let as_corrected = as_corrected.ok().filter(|_| correction.agrees_with(&choice.label, library));
         agrees.push(as_corrected.is_some());
         match as_corrected {
-            Some(as_corrected) => choice.label = FieldLabel { corrected: label.corrected.clone(), ..as_corrected },
+            Some(as_corrected) => choice.label = FieldPart { corrected: label.corrected.clone(), ..as_corrected },
             None => choice.likelihood = 0.0,
         }
     }
@@ -74,7 +74,7 @@ mod tests {
     fn choices() -> Vec<Possible> {
         let library = MaterialLibrary::builtin();
         let choice = |material: &str, under: [f64; 2]| Possible {
-            label: FieldLabel::of(1, library.get(material).unwrap()),
+            label: FieldPart::of(1, library.get(material).unwrap()),
             under: under.into(),
             likelihood: 0.7,
             stated_probability: 0.5,

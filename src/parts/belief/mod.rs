@@ -22,7 +22,7 @@ use super::result::{AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart,
 use crate::materials::MaterialLibrary;
 use crate::query::{Alternative, Hypothesis, ObjectAnswers, Piece, Printed, Unnumbered};
 use crate::units::{Estimate, Range};
-use crate::vote::{Contents, FieldLabel, MaterialField};
+use crate::vote::{Contents, FieldPart, MaterialField};
 use spread::{Curve, Spread};
 use states::State;
 
@@ -45,7 +45,7 @@ pub struct Possibilities {
 /// One way in which a part may be made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Possible {
-    pub label: FieldLabel,
+    pub label: FieldPart,
     /// Its probability among the part's choices, by hypothesis.
     pub under: Vec<f64>,
     /// How probable the answer about the part by itself is if this is so, relative to the other choices; 1 if there is none.
@@ -65,7 +65,7 @@ impl Believed {
 
     /// Gives `parts` what is believed: the mass of the object, and the intervals of parts and fillings, whose middles add up to it
     /// with what no part shows. `labels` are those by whose index the masses are.
-    pub fn give(self, parts: &mut Parts, labels: &[FieldLabel]) {
+    pub fn give(self, parts: &mut Parts, labels: &[FieldPart]) {
         // What is believed of the whole is spread over it as its parts are.
         let factor = self.mass_kg.mid / parts.object.mass_kg.mid;
         parts.object.inertia_kg_m2.iter_mut().flatten().for_each(|moment| *moment *= factor);
@@ -95,31 +95,31 @@ impl Possibilities {
     pub fn new(answered: &ObjectAnswers, field: &MaterialField, library: &MaterialLibrary) -> Self {
         let ObjectAnswers { recognition, .. } = answered;
         let alternatives = answered.alternatives();
-        let piece_of = |label: &FieldLabel| {
+        let piece_of = |label: &FieldPart| {
             let is_its = |piece: &Piece| piece.numbers.first().is_some_and(|first| u32::from(*first) == label.id);
             recognition.pieces.iter().position(is_its)
         };
         let possible = |id: u32, of: &Alternative| Possible {
-            label: FieldLabel::answered(id, &of.answer, library),
+            label: FieldPart::answered(id, &of.answer, library),
             under: of.under.clone(),
             likelihood: of.likelihood,
             stated_probability: of.stated_probability,
         };
         let mut stated_mass_counts = true;
-        let mut of_label = |label: &FieldLabel| {
+        let mut of_label = |label: &FieldPart| {
             let of = piece_of(label).map_or(&[][..], |piece| &alternatives[piece]);
             let choices: Vec<Possible> = of.iter().map(|of| possible(label.id, of)).collect();
             let Some(of) = &label.corrected else { return choices };
             stated_mass_counts &= corrected::agree(&choices, &of.to, library);
             corrected::corrected(choices, &of.to, label, library)
         };
-        let of_label = field.labels.iter().map(&mut of_label).collect();
-        let asked = |label: &FieldLabel| answered.question_about(piece_of(label)?).map(AskedPart::of);
+        let of_label = field.parts.iter().map(&mut of_label).collect();
+        let asked = |label: &FieldPart| answered.question_about(piece_of(label)?).map(AskedPart::of);
         Self {
             hypotheses: recognition.hypotheses.clone(),
             stated_mass_counts,
             of_label,
-            asked: field.labels.iter().map(asked).collect(),
+            asked: field.parts.iter().map(asked).collect(),
             printed: recognition.printed.clone(),
             unnumbered: recognition.unnumbered.clone(),
         }
@@ -131,24 +131,24 @@ impl Possibilities {
     }
 
     /// The ways in which the part with this id may be made.
-    pub fn labels_of(&self, id: u32) -> impl Iterator<Item = &FieldLabel> {
+    pub fn ways_of(&self, id: u32) -> impl Iterator<Item = &FieldPart> {
         self.of_label.iter().flatten().map(|possible| &possible.label).filter(move |label| label.id == id)
     }
 
     /// The labels of a field if every part is made in the way that is `taken` for it.
-    pub fn labels_taken(&self, field: &MaterialField, taken: &[Option<usize>]) -> Vec<FieldLabel> {
-        let label_of = |((label, possible), taken): ((&FieldLabel, &Vec<Possible>), &Option<usize>)| {
+    pub fn parts_taken(&self, field: &MaterialField, taken: &[Option<usize>]) -> Vec<FieldPart> {
+        let label_of = |((label, possible), taken): ((&FieldPart, &Vec<Possible>), &Option<usize>)| {
             taken.and_then(|taken| possible.get(taken)).map_or_else(|| label.clone(), |possible| possible.label.clone())
         };
-        field.labels.iter().zip(&self.of_label).zip(taken).map(label_of).collect()
+        field.parts.iter().zip(&self.of_label).zip(taken).map(label_of).collect()
     }
 
     /// The labels of a field if every part is made in the way of this index, or in its last way if it has fewer.
-    pub fn labels_with(&self, field: &MaterialField, choice: usize) -> Vec<FieldLabel> {
-        let label_of = |(label, possible): (&FieldLabel, &Vec<Possible>)| {
+    pub fn parts_with(&self, field: &MaterialField, choice: usize) -> Vec<FieldPart> {
+        let label_of = |(label, possible): (&FieldPart, &Vec<Possible>)| {
             possible.get(choice).or(possible.last()).map_or_else(|| label.clone(), |possible| possible.label.clone())
         };
-        field.labels.iter().zip(&self.of_label).map(label_of).collect()
+        field.parts.iter().zip(&self.of_label).map(label_of).collect()
     }
 }
 
@@ -175,11 +175,11 @@ const WEIGHED_STATES: usize = 8;
 /// The evidence that bears on the masses.
 pub struct Evidence<'a> {
     pub possible: &'a Possibilities,
-    /// By choice, the masses if every part is made that way, as [`Possibilities::labels_with`] says: of parts and fillings,
+    /// By choice, the masses if every part is made that way, as [`Possibilities::parts_with`] says: of parts and fillings,
     /// all over the same unknowns.
     pub weights: &'a [Vec<Weight>],
     /// By choice, the labels.
-    pub labels: &'a [Vec<FieldLabel>],
+    pub labels: &'a [Vec<FieldPart>],
     /// By choice, the index of the label of each weighable.
     pub label_of: &'a [usize],
     /// A reading of a kitchen scale, kg.
@@ -462,9 +462,9 @@ mod tests {
     use super::*;
 
     /// Two parts, each with two ways of being made, and two hypotheses, the second of which excludes a way.
-    fn two_parts() -> (Possibilities, Vec<Vec<Weight>>, Vec<Vec<FieldLabel>>, Unknowns) {
+    fn two_parts() -> (Possibilities, Vec<Vec<Weight>>, Vec<Vec<FieldPart>>, Unknowns) {
         let library = MaterialLibrary::builtin();
-        let label = |id: u32, material: &str| FieldLabel::of(id, library.get(material).unwrap());
+        let label = |id: u32, material: &str| FieldPart::of(id, library.get(material).unwrap());
         let possible = |id, material: &str, under: [f64; 2]| Possible {
             label: label(id, material),
             under: under.into(),
@@ -576,8 +576,8 @@ mod tests {
             believe(&evidence, &mut unknowns)
         };
         let believed = weighed(None);
-        let of = |mass: Estimate| [mass.low, mass.mid, mass.high];
-        for (found, shape) in of(believed.mass_kg).into_iter().zip(of(believed.object.shape_kg)) {
+        let ends = |mass: Estimate| [mass.low, mass.mid, mass.high];
+        for (found, shape) in ends(believed.mass_kg).into_iter().zip(ends(believed.object.shape_kg)) {
             assert!((found / shape).ln().abs() < 1e-4, "the grid cuts off a little of each density: {found}, {shape}");
         }
         for (hypothesis, stated) in believed.object.hypotheses.iter().zip(&possible.hypotheses) {

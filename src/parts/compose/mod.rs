@@ -123,20 +123,10 @@ pub fn compose(
     let contents = Contents { cells: &cells, constructions, cores: &cores, doubt: &doubt, walls: &walls, evidence };
 
     let slacks = contents.slacks(*uncertainty);
-    let (own, hollow) = contents.volumes();
+    let (own, hollow) = contents.readings();
     let mut enclosed = vec![0.0; constructions.len()];
     cells.label.iter().filter(|label| **label != NONE).for_each(|&l| enclosed[l as usize] += cells.grid.cell_volume());
-    let volume = |l: usize| match (mesh, is_solid[l]) {
-        (None, true) => Volume::of(own[l], slacks[l], SOLID_SPREAD),
-        (None, false) => Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l]),
-        (Some(mesh), true) => Volume::measured(own[l], mesh.volume_effect),
-        (Some(mesh), false) => Volume::measured(own[l], Effect::NONE).within(mesh.most(l)),
-    };
-    let mut volumes: Vec<Volume> = (0..constructions.len()).map(volume).collect();
-    for core in (0..volumes.len()).filter(|&l| is_solid[l]) {
-        let sleeves = (0..volumes.len()).filter(|&l| cores[l] == Some(core as u32)).map(|l| &volumes[l]);
-        volumes[core] = volumes[core].behind(sleeves);
-    }
+    let volumes = contents.of_material(&own, &slacks, &enclosed);
     let interior = contents.interior();
     let composed = Composed {
         crowded_out: contents.crowded_out(&interior),
@@ -192,7 +182,7 @@ impl Contents<'_> {
     }
 
     /// Per label, the volume of its material and that of the hollow behind its wall that no core fills.
-    fn volumes(&self) -> (Vec<Readings>, Vec<Readings>) {
+    fn readings(&self) -> (Vec<Readings>, Vec<Readings>) {
         let grid = &self.cells.grid;
         let labels = self.constructions.len();
         let of_layer = |z: usize| {
@@ -224,6 +214,23 @@ impl Contents<'_> {
             }
         }
         (own, hollow)
+    }
+
+    /// Per label, the volume of its material, of which the readings are `own`.
+    fn of_material(&self, own: &[Readings], slacks: &[f64], enclosed: &[f64]) -> Vec<Volume> {
+        let is_solid = |l: usize| self.constructions[l] == Construction::Solid;
+        let volume = |l: usize| match (&self.evidence.mesh, is_solid(l)) {
+            (None, true) => Volume::of(own[l], slacks[l], SOLID_SPREAD),
+            (None, false) => Volume::of(own[l], 0.0, WALL_SPREAD).within(enclosed[l]),
+            (Some(mesh), true) => Volume::measured(own[l], mesh.volume_effect),
+            (Some(mesh), false) => Volume::measured(own[l], Effect::NONE).within(mesh.most(l)),
+        };
+        let mut volumes: Vec<Volume> = (0..own.len()).map(volume).collect();
+        for core in (0..volumes.len()).filter(|&l| is_solid(l)) {
+            let sleeves = (0..volumes.len()).filter(|&l| self.cores[l] == Some(core as u32)).map(|l| &volumes[l]);
+            volumes[core] = volumes[core].behind(sleeves);
+        }
+        volumes
     }
 
     /// Per label, the volume that the uncertainty of the surface may add or remove, scene units cubed: that of the outer

@@ -61,17 +61,17 @@ impl Bodies {
 
     /// The number of Gaussians on each body: those of its label within [`NEAR`] of its cells. Gaussians near none count
     /// towards the first body of their label.
-    pub fn gaussians(&self, gaussians: &Gaussians, part_label: &[u32], grid: &Grid) -> Vec<usize> {
+    pub fn gaussians(&self, gaussians: &Gaussians, part_index: &[u32], grid: &Grid) -> Vec<usize> {
         let first = |label: u32| self.label.iter().position(|&l| l == label).map(|body| body as u32);
         let alone = |label: u32| self.label.iter().filter(|&&l| l == label).count() < 2;
         let body_of = |i: usize| {
-            let label = part_label[i];
+            let label = part_index[i];
             let cell = grid.cell_at(gaussians.center(i)).filter(|_| !alone(label));
             let is_of_label = |cell: &usize| self.label.get(self.of_cell[*cell] as usize) == Some(&label);
             let near = cell.and_then(|cell| (0..=NEAR).find_map(|reach| around(grid, cell, reach).find(is_of_label)));
             near.map_or_else(|| first(label), |cell| Some(self.of_cell[cell]))
         };
-        let of_gaussian: Vec<Option<u32>> = parallel::map_range(part_label.len(), body_of);
+        let of_gaussian: Vec<Option<u32>> = parallel::map_range(part_index.len(), body_of);
         let mut counts = vec![0; self.label.len()];
         of_gaussian.into_iter().flatten().for_each(|body| counts[body as usize] += 1);
         counts

@@ -20,7 +20,7 @@ use super::compose::volume::Volume;
 use super::result::{Filling, Width};
 use super::{BodiesAs, Object, Part, PartBody, Shape};
 use crate::units::Estimate;
-use crate::vote::{Contents, FieldLabel, Filled};
+use crate::vote::{Contents, FieldPart, Filled};
 use moments::Moments;
 use weights::{Weight, Weights};
 
@@ -34,7 +34,7 @@ pub(super) struct Body {
 /// A part's volume and bodies with their density, and the hollow behind its wall.
 pub(super) struct Weighable<'a> {
     pub shape: &'a Shape,
-    pub label: &'a FieldLabel,
+    pub label: &'a FieldPart,
     pub volume: &'a Volume,
     pub bodies: &'a [Body],
     /// Whether its volume is that of a wall, whatever the answer's form: `--volume` may say otherwise.

@@ -88,9 +88,9 @@ fn grasp(
     let (gaussians, field) = (&open.scene.gaussians, open.get::<MaterialField>()?);
     let kept = without_floaters(gaussians, open.options.parts.min_body_share);
     let object = Gaussians { set_aside: kept.iter().map(|kept| !kept).collect(), ..gaussians.clone() };
-    let surface = Surface::of(&object, &field.part_label, cameras, meters_per_unit);
+    let surface = Surface::of(&object, &field.part_index, cameras, meters_per_unit);
     let in_world = grasp::Options { point: options.point.map(|point| in_world(open, point)), ..options.clone() };
-    let found = grasp::grasp(parts, &field.labels, Some(&surface), meters_per_unit, &open.gripper, &in_world);
+    let found = grasp::grasp(parts, &field.parts, Some(&surface), meters_per_unit, &open.gripper, &in_world);
     // The error shows the point as the user typed it.
     Ok(found.map_err(|error| match (error, options.point) {
         (GraspError::PointTooFar { distance_mm, finger_mm, .. }, Some(point)) => {

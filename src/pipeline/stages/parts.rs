@@ -18,7 +18,7 @@ use crate::workdir::Artifact;
 use super::recognized::Recognized;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query, shared_scale};
 use crate::pipeline::hasher::{Hasher, file_digest};
-use crate::vote::{FieldLabel, MaterialField};
+use crate::vote::{FieldPart, MaterialField};
 
 /// The content of `parts.json` if the metric scale is unknown.
 #[derive(Serialize)]
@@ -103,7 +103,8 @@ fn measured(open: &OpenScene, scale: Option<&MetricScale>) -> Result<PartsResult
         return Ok(parts::parts_of_mesh(gaussians, &field, &mesh, known, options)?);
     }
     let (cameras, coverage) = (open.scene.cameras(), coverage(&open.scene.views, options)?);
-    Ok(parts::parts(gaussians, &field, &cameras, &coverage, known, options, open.progress())?)
+    let views = parts::Views { cameras: &cameras, coverage: &coverage };
+    Ok(parts::parts(gaussians, &field, views, known, options, open.progress())?)
 }
 
 /// What the object and its parts may be, if that was asked.
@@ -128,7 +129,7 @@ impl Stored for Interior {
 
     fn load(open: &OpenScene) -> Result<Self> {
         let bytes = open.work.read(Artifact::Interior)?;
-        let (cells, parts) = (open.options.parts.volume_cells, open.get::<MaterialField>()?.labels.len());
+        let (cells, parts) = (open.options.parts.volume_cells, open.get::<MaterialField>()?.parts.len());
         let interior = Self::from_bytes(&bytes, cells, parts);
         Ok(interior.map_err(|error| open.work.damaged(Artifact::Interior, error))?)
     }
@@ -151,9 +152,9 @@ pub fn weighed_field(open: &OpenScene) -> Result<Arc<MaterialField>> {
     let possible = possibilities(open, &field)?;
     let mut weighed = Arc::unwrap_or_clone(field);
     if let (Some(possible), Some(belief)) = (possible, &parts.belief) {
-        weighed.labels = possible.labels_taken(&weighed, &belief.taken(&weighed.labels));
+        weighed.parts = possible.parts_taken(&weighed, &belief.taken(&weighed.parts));
     }
-    parts.set_densities(&mut weighed.labels);
+    parts.set_densities(&mut weighed.parts);
     Ok(Arc::new(weighed))
 }
 
@@ -162,9 +163,9 @@ pub fn samples_of(open: &OpenScene, count: usize) -> Result<Option<Vec<Sample>>>
     let Some(parts) = metric_parts(open)? else { return Ok(None) };
     let field = open.get::<MaterialField>()?;
     let possible = possibilities(open, &field)?;
-    let labels = |id: u32| -> Vec<FieldLabel> {
-        let ways: Vec<FieldLabel> = possible.iter().flat_map(|of| of.labels_of(id)).cloned().collect();
-        if ways.is_empty() { field.labels.iter().filter(|label| label.id == id).cloned().collect() } else { ways }
+    let labels = |id: u32| -> Vec<FieldPart> {
+        let ways: Vec<FieldPart> = possible.iter().flat_map(|of| of.ways_of(id)).cloned().collect();
+        if ways.is_empty() { field.parts.iter().filter(|part| part.id == id).cloned().collect() } else { ways }
     };
     Ok(Some(samples::samples(&parts, &labels, count)))
 }

@@ -31,7 +31,9 @@ use super::subjects::FoundSubjects;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, shared_scale};
 use crate::pictures::framing;
 use crate::pipeline::hasher::{Hasher, file_digest};
-use crate::query::session::{self, Answered, QuerySession, QueryView, Subjects, WholeViews, whole_sheet, write_sheets};
+use crate::query::session::{
+    self, Answered, Folders, QuerySession, QueryView, Subjects, WholeViews, whole_sheet, write_sheets,
+};
 
 /// The content of `size.json`.
 #[derive(Serialize, Deserialize)]
@@ -245,7 +247,8 @@ pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
 fn asking<'a>(open: &'a OpenScene, options: &'a Options, subjects: Subjects<'a>) -> Result<QuerySession<'a>> {
     let (home, network) = (open.home_of_recordings(), open.options.setup.network());
     session::check_recordings(options, home, &open.work, open.options.scene.read_scope(home))?;
-    QuerySession::new(options, subjects, &open.library, home, &open.work, network, open.progress())
+    let folders = Folders { home, work: &open.work };
+    QuerySession::new(options, subjects, &open.library, folders, network, open.progress())
 }
 
 /// Sides of the object in the question what it is: more would show each too small.

@@ -127,10 +127,10 @@ pub(crate) fn report(open: &OpenScene, job: &Job) -> Result<Report> {
         },
         stages: before.clone().map(stage_time).collect(),
         answers: AnswerCounts::of(&answers),
-        provisional: report::provisional(&answers, parts.as_ref().is_some_and(|parts| parts.belief.is_some())),
+        provisional: provisional(open)?,
         disagreements: Disagreement::all(&answers),
         parts,
-        labels: field.labels.clone(),
+        labels: field.parts.clone(),
         gaussians_per_label: gaussians_per_label(&field),
         simulation: job.simulates.then(|| open.get().map(Arc::unwrap_or_clone)).transpose()?,
         grasp: open.get::<Grasped>()?.0.as_deref().cloned(),
@@ -138,6 +138,12 @@ pub(crate) fn report(open: &OpenScene, job: &Job) -> Result<Report> {
         notes: before.flat_map(|stage| remarks(stage, &stage.notes)).collect(),
         reproduction: Reproduction { command: command(open, job), inputs: inputs(open)? },
     })
+}
+
+/// That questions are open, if some are.
+pub fn provisional(open: &OpenScene) -> Result<Option<String>> {
+    let has_belief = parts::metric_parts(open)?.is_some_and(|parts| parts.belief.is_some());
+    Ok(report::provisional(open.get::<Answers>()?.as_ref(), has_belief))
 }
 
 fn stage_time(stage: &StageRecord) -> StageTime {
@@ -183,7 +189,7 @@ fn as_typed_in<'a>(folder: &Path, flag: &'a str, known: &[Flag]) -> Cow<'a, str>
 }
 
 fn gaussians_per_label(field: &MaterialField) -> Vec<usize> {
-    let mut counts = vec![0; field.labels.len()];
-    field.part_label.iter().for_each(|&label| counts[label as usize] += 1);
+    let mut counts = vec![0; field.parts.len()];
+    field.part_index.iter().for_each(|&label| counts[label as usize] += 1);
     counts
 }

@@ -72,7 +72,7 @@ fn simulated(open: &OpenScene, job: &Job) -> Result<SimulationReport> {
     let (materials, interior) = matter(open, &field)?;
     let input = Input {
         gaussians: &open.scene.gaussians,
-        labels: &field.part_label,
+        labels: &field.part_index,
         materials: &materials,
         interior: &interior,
         meters_per_unit: parts::scale(open)?.map(|scale| scale.meters_per_unit),
@@ -191,7 +191,7 @@ fn matter(open: &OpenScene, field: &MaterialField) -> Result<(Vec<Material>, Vec
         label,
         volume: share * cell_volume,
     };
-    let mut materials: Vec<Material> = field.labels.iter().map(Material::from).collect();
+    let mut materials: Vec<Material> = field.parts.iter().map(Material::from).collect();
     let mut points: Vec<FillPoint> = interior.filled().map(point).collect();
     let fillings = open.options.simulate.fillings;
     let (Some(parts), Some(scale)) = (metric_parts(open)?, parts::scale(open)?) else {
@@ -204,7 +204,7 @@ fn matter(open: &OpenScene, field: &MaterialField) -> Result<(Vec<Material>, Vec
         return Ok((materials, points));
     }
     for filling in &parts.fillings {
-        let shell = (0..).zip(&field.labels).find(|(_, label)| label.id == filling.inside_of);
+        let shell = (0..).zip(&field.parts).find(|(_, label)| label.id == filling.inside_of);
         let Some((shell_label, shell)) = shell else { continue };
         let Some(Contents::Filled(filled)) = &shell.inside else { continue };
         let own: Vec<_> = interior.fillings().filter(|(_, of, _)| *of == shell_label).collect();
@@ -231,7 +231,7 @@ fn set_densities(materials: &mut [Material], parts: &Parts, interior: &Interior,
     let cell_m3 = (interior.grid.cell * meters_per_unit).powi(3);
     interior.filled().for_each(|(_, label, share)| shown_m3[label as usize] += share * cell_m3);
     for (material, shown_m3) in materials.iter_mut().zip(shown_m3) {
-        let Some(part) = parts.of_label(material.part_id) else { continue };
+        let Some(part) = parts.part(material.part_id) else { continue };
         material.density_kg_m3 = match part.mass_kg {
             Some(mass) if shown_m3 > 0.0 => mass.mid / shown_m3,
             _ => part.density_kg_m3.mid,

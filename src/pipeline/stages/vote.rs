@@ -14,7 +14,7 @@ use crate::query::Answers;
 use crate::scene::View;
 use crate::scene::splat::ply;
 use crate::segment::LabelMap;
-use crate::vote::{self, FieldLabel, MaterialField, VoteError, VotingView, field_ply, vote_on_parts};
+use crate::vote::{self, FieldPart, MaterialField, VoteError, VotingView, field_ply, vote_on_parts};
 use crate::words::output::counted;
 use crate::words::part_name::part_name;
 use crate::workdir::{self, Artifact, WorkDirError};
@@ -43,13 +43,12 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     let (work, gaussians) = (&open.work, &open.scene.gaussians);
     let (about, answers) = (FoundSubjects::of(open)?, open.get::<Answers>()?);
     let mut field = elect(open, &about, &voters(&open.views, &about.settled_maps(open, &answers)?), &answers)?;
-    field.labels =
-        vote::corrected(&field.labels, &open.options.vote.correct, &open.library).map_err(VoteError::from)?;
+    field.parts = vote::corrected(&field.parts, &open.options.vote.correct, &open.library).map_err(VoteError::from)?;
     // In the frame of the splat that it explains.
     let as_read = open.scene.gaussians_as_read();
     work.write_with(Artifact::Field, |out| ply::write(out, as_read, &field_ply::columns(&field)))?;
-    work.write_json(Artifact::Labels, &field.labels)?;
-    work.write_json(Artifact::Materials, &field_ply::materials(&field.labels, &open.library))?;
+    work.write_json(Artifact::Labels, &field.parts)?;
+    work.write_json(Artifact::Materials, &field_ply::materials(&field.parts, &open.library))?;
     let recolored = field_colors::recolored(as_read, &field_colors::material_colors(&field));
     work.write_with(Artifact::Recolored, |out| ply::write(out, &recolored, &[]))?;
     let mut written = vec![Artifact::Field, Artifact::Labels, Artifact::Materials, Artifact::Recolored];
@@ -60,14 +59,14 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
         work.write(Artifact::Thumbnail, &small)?;
         written.extend([Artifact::Figure, Artifact::Thumbnail]);
     }
-    let notes = field.labels.iter().filter_map(correction_note).chain(field.notes).collect();
+    let notes = field.parts.iter().filter_map(correction_note).chain(field.notes).collect();
     Ok(Done::writing(written).warning(field.warnings).noting(notes))
 }
 
 /// That a part is corrected, and what was answered.
-fn correction_note(label: &FieldLabel) -> Option<String> {
-    let corrected = label.corrected.as_ref()?;
-    Some(format!("part {} ({}) is {corrected}", label.id, part_name(&label.caption, &label.material)))
+fn correction_note(part: &FieldPart) -> Option<String> {
+    let corrected = part.corrected.as_ref()?;
+    Some(format!("part {} ({}) is {corrected}", part.id, part_name(&part.caption, &part.material)))
 }
 
 /// The field that results from these views and answers.
@@ -101,7 +100,7 @@ pub struct ShowsMost(Option<usize>);
 impl ShowsMost {
     fn of(open: &OpenScene, field: &MaterialField) -> Self {
         let cameras = open.views.iter().map(|view| &view.camera);
-        Self(framing::shows_most(cameras, &open.scene.gaussians, &field.part_label))
+        Self(framing::shows_most(cameras, &open.scene.gaussians, &field.part_index))
     }
 
     pub fn view<'a>(&self, open: &'a OpenScene) -> Option<&'a View> {
@@ -122,7 +121,7 @@ impl Stored for MaterialField {
 
     fn load(open: &OpenScene) -> Result<Self> {
         let (_, field) = stored_field(open.work.root())?;
-        require_all_gaussians(open, Artifact::Field, field.part_label.len())?;
+        require_all_gaussians(open, Artifact::Field, field.part_index.len())?;
         Ok(field)
     }
 }
@@ -142,8 +141,8 @@ pub fn voters<'a>(views: &'a [View], maps: &'a [Cow<LabelMap>]) -> Vec<VotingVie
     with_map.map(|(view, map)| VotingView { name: &view.name, camera: &view.camera, map }).collect()
 }
 
-/// More labels than a vote gives: the work folder may come from anyone, and labels are compared with each other.
-const MOST_LABELS: usize = 20_000;
+/// More parts than a vote gives: the work folder may come from anyone, and parts are compared with each other.
+const MOST_PARTS: usize = 20_000;
 
 /// The Gaussians, in the input's frame, and their material field in the work folder `root`, as the vote stage wrote them.
 ///
@@ -151,15 +150,15 @@ const MOST_LABELS: usize = 20_000;
 /// If there is no field, or gprop did not write it.
 pub fn stored_field(root: &Path) -> Result<(Gaussians, MaterialField)> {
     let [path, path_of_labels] = [Artifact::Field, Artifact::Labels].map(|artifact| root.join(artifact.path()));
-    let labels: Vec<FieldLabel> = workdir::read_json(&path_of_labels)?;
+    let parts: Vec<FieldPart> = workdir::read_json(&path_of_labels)?;
     let are_in_order =
-        labels.first().is_none_or(|first| first.id > 0) && labels.is_sorted_by(|one, next| one.id < next.id);
-    if labels.len() > MOST_LABELS || !are_in_order {
-        let problem = format!("its labels are not numbered in order, from 1 on, or are more than {MOST_LABELS}");
+        parts.first().is_none_or(|first| first.id > 0) && parts.is_sorted_by(|one, next| one.id < next.id);
+    if parts.len() > MOST_PARTS || !are_in_order {
+        let problem = format!("its labels are not numbered in order, from 1 on, or are more than {MOST_PARTS}");
         return Err(WorkDirError::Damaged { path: path_of_labels, problem }.into());
     }
     let gaussians = ply::read(&path)?.gaussians;
-    let field = field_ply::read(&gaussians.extra, labels)
+    let field = field_ply::read(&gaussians.extra, parts)
         .ok_or_else(|| WorkDirError::Damaged { path, problem: "it lacks the field's columns or labels".to_owned() })?;
     Ok((gaussians, field))
 }

@@ -114,11 +114,8 @@ impl Client {
             .user_agent(concat!("gprop/", env!("CARGO_PKG_VERSION")))
             .build()
             .map_err(|error| ClientError::Http(error.to_string()))?;
-        let runtime = tokio::runtime::Builder::new_multi_thread()
-            .worker_threads(1)
-            .enable_all()
-            .build()
-            .map_err(|error| ClientError::Http(error.to_string()))?;
+        let runtime = tokio::runtime::Builder::new_multi_thread().worker_threads(1).enable_all().build();
+        let runtime = runtime.map_err(|error| ClientError::Http(error.to_string()))?;
         let read = |path: &PathBuf| {
             let bad = |problem| ClientError::Fields { path: path.clone(), problem };
             Fields::read(path, key.as_ref()).map_err(bad)

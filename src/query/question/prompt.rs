@@ -88,8 +88,8 @@ impl Prompts {
         if found.get() { Ok(prompts) } else { Err(PromptError::NoFile(folder.into())) }
     }
 
-    fn read(own: &dyn Fn(&str) -> Option<Result<String, PromptError>>) -> Result<Self, PromptError> {
-        let text = |name: &str, builtin: &str| own(name).unwrap_or_else(|| Ok(builtin.to_owned()));
+    fn read(own_text: &dyn Fn(&str) -> Option<Result<String, PromptError>>) -> Result<Self, PromptError> {
+        let text = |name: &str, builtin: &str| own_text(name).unwrap_or_else(|| Ok(builtin.to_owned()));
         let json = |name: &str, builtin: &str| {
             let text = text(name, builtin)?;
             json::read(text.as_bytes())

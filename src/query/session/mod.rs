@@ -104,6 +104,14 @@ pub struct Answered<T> {
     pub recognition: Option<WholeAnswer<ObjectAnswers>>,
 }
 
+/// The folders of a session.
+#[derive(Clone, Copy)]
+pub struct Folders<'a> {
+    /// Its recordings are used beside those of the folder that the options name.
+    pub home: &'a Path,
+    pub work: &'a WorkDir,
+}
+
 /// The questions for a person.
 pub struct ForPerson<'a> {
     /// Those whose answers are recorded and those that are then due.
@@ -135,13 +143,12 @@ pub struct Pruned {
 }
 
 impl<'a> QuerySession<'a> {
-    /// A session about the subjects, with recordings in `home` and in the folder that the options name.
+    /// A session about the subjects.
     pub fn new(
         options: &'a Options,
         Subjects { views, subjects, ask_views, about, whole, regions }: Subjects<'a>,
         library: &'a MaterialLibrary,
-        home: &Path,
-        work: &'a WorkDir,
+        Folders { home, work }: Folders<'a>,
         network: Result<(), Offline>,
         progress: Progress<'a>,
     ) -> Result<Self> {

@@ -4,8 +4,8 @@
 (() => {
   const byId = (id) => document.getElementById(id);
   const box = byId("correct"), rows = [...box.querySelectorAll("tr[data-part]")], text = byId("corrections"), link = byId("corrections-file"), copy = byId("corrections-copy");
-  const { materials, fillings, spellings } = JSON.parse(byId("library").textContent);
-  const EMPTY = "empty";
+  const { materials, fillings, spellings, quantities, none: NONE, empty: EMPTY } = JSON.parse(byId("library").textContent);
+  const quantityOf = Object.fromEntries(quantities.map((quantity) => [quantity.key, quantity]));
 
   /* A name as the program compares it. */
   const folded = (name) => wordsIn(name).map((word) => spellings[word] ?? word).join(" ");
@@ -14,29 +14,23 @@
   const fillingNames = new Set([EMPTY, ...fillings].map(folded));
 
   const onOneLine = (words) => words.replace(/\p{Cc}+/gu, " ");
-  /* A number alone is in this unit; a share over 1 is in percent. */
-  const units = { wall: () => "mm", density: () => "kg/m3", share: (typed) => (typed.split("-").some((end) => Number(end) > 1) ? "%" : "") };
+  /* A number alone is in the first unit, but a share of at most 1 has none. */
+  const unitOf = (key, typed) => (key === "share" && typed.split("-").every((end) => Number(end) <= 1) ? "" : quantityOf[key].units[0][0]);
   const valueOf = ({ name, value }) => {
     const typed = onOneLine(value).trim();
-    return units[name] && /^[\d.\s-]+$/.test(typed) ? typed.replaceAll(" ", "") + units[name](typed) : typed;
+    return quantityOf[name] && /^[\d.\s-]+$/.test(typed) ? typed.replaceAll(" ", "") + unitOf(name, typed) : typed;
   };
 
   // --- What is refused.
 
-  /* Units with how much of the SI unit one is, and the least and most that is possible in that. */
-  const quantities = {
-    wall: { units: [["mm", 1e-3], ["cm", 1e-2], ["m", 1]], within: [1e-6, 1], form: "Give the wall's thickness with its unit, such as 3mm or 2-4mm, or none for a solid.", limits: "A wall is 0.001 mm to 1 m thick." },
-    density: { units: [["kg/m3", 1], ["kg/m³", 1], ["g/cm3", 1e3], ["g/cm³", 1e3]], within: [1, 22600], form: "Give a density with its unit, such as 2700kg/m3 or 600-700kg/m3.", limits: "A density is 1 to 22,600 kg/m3." },
-    share: { units: [["%", 1e-2], ["", 1]], within: [0.01, 1], form: "Give the share of the hollow that is filled, such as 80% or 70-90%.", limits: "A share is 1 to 100 %." },
-  };
-  function problemOfQuantity(key, value) {
-    const { units, within: [least, most], form, limits } = quantities[key];
-    if (/\d,\d/.test(value)) return `${form} Decimals follow a point, not a comma.`;
+  const sentence = (words) => `${words[0].toUpperCase()}${words.slice(1)}.`;
+  function problemOfQuantity({ units, within: [least, most], form, limits }, value) {
+    if (/\d,\d/.test(value)) return `${sentence(form)} Decimals follow a point, not a comma.`;
     const [unit, factor] = units.find(([unit]) => value.endsWith(unit)) ?? [];
     const number = "\\s*(\\d+\\.?\\d*|\\.\\d+)\\s*", ends = unit === undefined ? null : value.slice(0, value.length - unit.length).match(`^${number}(?:-${number})?$`);
-    if (!ends) return form;
+    if (!ends) return sentence(form);
     const [low, high = low] = ends.slice(1).filter(Boolean).map((end) => Number(end) * factor);
-    return low > high ? "The lowest number comes first." : low < least || high > most ? limits : "";
+    return low > high ? "The lowest number comes first." : low < least || high > most ? sentence(limits) : "";
   }
   function problemOfName(typed, all, textOf) {
     const nearest = nearestOf(typed, all, textOf).map((one) => one.name ?? one);
@@ -45,14 +39,14 @@
   /* The problem with a value alone. */
   function problemOf(key, value) {
     if (!value || key === "caption") return "";
-    if (quantities[key]) return key === "wall" && value.toLowerCase() === "none" ? "" : problemOfQuantity(key, value);
+    if (quantityOf[key]) return key === "wall" && value.toLowerCase() === NONE ? "" : problemOfQuantity(quantityOf[key], value);
     if (key === "filling") return fillingNames.has(folded(value)) ? "" : problemOfName(value, [EMPTY, ...fillings], (filling) => filling);
     return names.has(folded(value)) ? "" : problemOfName(value, materials, ({ name, aliases }) => [name, ...aliases].join(" "));
   }
   /* The problem with what is said to be inside of a part, beside its wall. */
   function problemOfInside(row, { wall, filling, share }) {
     if (!filling && !share) return "";
-    const isShell = wall ? wall.toLowerCase() !== "none" : row.dataset.form === "shell", isFilled = Boolean(row.dataset.filled);
+    const isShell = wall ? wall.toLowerCase() !== NONE : row.dataset.form === "shell", isFilled = Boolean(row.dataset.filled);
     if (!isShell) return "It has no hollow to fill: say how thick its wall is.";
     if (filling && filling.toLowerCase() !== EMPTY && !share && !isFilled) return "The answers do not say how full it is: give a share, such as 80%.";
     return !filling && !isFilled ? "Nothing is known to be inside: say what is." : "";

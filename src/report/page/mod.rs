@@ -25,7 +25,7 @@ use crate::pictures::palette;
 use crate::query::{Answers, Form};
 use crate::simulate::{RigidReport, SimulationReport, animation, plot, script};
 use crate::units::Estimate;
-use crate::vote::{Contents, FieldLabel};
+use crate::vote::{Contents, FieldPart, correction};
 use crate::words::part_name::part_name;
 
 use super::force_scale::force_scale;
@@ -107,13 +107,16 @@ fn cloud_note(cloud: &Cloud) -> String {
     }
 }
 
-/// The names that a correction may have, as the page compares them.
+/// The names and quantities that a correction may have, as the page compares them.
 fn library(library: &MaterialLibrary) -> Value {
     let material = |row: &Material| context! { name => &row.name, family => &row.family, aliases => &row.aliases };
     context! {
         materials => library.materials().iter().map(material).collect::<Vec<_>>(),
         fillings => Serde(library.fillings().iter().map(|row| &row.name).collect::<Vec<_>>()),
         spellings => BTreeMap::from(SPELLINGS),
+        quantities => Serde(correction::QUANTITIES),
+        none => correction::NONE,
+        empty => correction::EMPTY,
     }
 }
 
@@ -230,9 +233,9 @@ fn tile(name: &str, value: String, note: String) -> Value {
     context! { name, value, note }
 }
 
-fn part_row(label: &FieldLabel, report: &Report) -> Value {
+fn part_row(label: &FieldPart, report: &Report) -> Value {
     let times = |factor: f64| move |estimate: Estimate| Value::from(Serde(figures(estimate, factor)));
-    let part = report.parts.as_ref().and_then(|parts| parts.of_label(label.id));
+    let part = report.parts.as_ref().and_then(|parts| parts.part(label.id));
     let part = part.as_ref();
     let measured =
         |value: fn(&Part) -> Option<Estimate>, shown: &dyn Fn(Estimate) -> Value| match (part, part.and_then(value)) {
@@ -279,7 +282,7 @@ fn part_row(label: &FieldLabel, report: &Report) -> Value {
 }
 
 /// What the answers say of a part's form, whatever is corrected: what the page needs to know to judge a correction.
-fn answered(label: &FieldLabel) -> Value {
+fn answered(label: &FieldPart) -> Value {
     let (form, filling) = match (&label.corrected, &label.inside) {
         (Some(corrected), _) => (corrected.answered.form, corrected.answered.filling.as_deref()),
         (None, Some(Contents::Filled(filled))) => (label.form, Some(&*filled.filling)),

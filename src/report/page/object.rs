@@ -22,7 +22,7 @@ pub fn object(parts: &Parts, pictures: &Pictures) -> Option<Value> {
         }
     });
     let name = |part: &BelievedPart| {
-        let of = parts.of_label(part.id);
+        let of = parts.part(part.id);
         of.map_or_else(|| part.id.to_string(), |of| part_name(&of.caption, &of.material))
     };
     let choices = belief.parts.iter().filter(|part| part.choices.len() > 1).map(|part| {

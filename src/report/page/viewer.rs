@@ -6,7 +6,7 @@ use crate::pictures::palette;
 use crate::report::motion::Path;
 use crate::report::{Cloud, Motion, Report, Sphere};
 use crate::units::{Estimate, ShoreScale};
-use crate::vote::{FieldLabel, field_ply};
+use crate::vote::{FieldPart, field_ply};
 use crate::words::part_name::part_name;
 use crate::words::readable::figures;
 
@@ -16,7 +16,7 @@ use super::css;
 #[derive(Serialize)]
 pub(super) struct Viewer<'a> {
     cloud: Shown<'a>,
-    /// In the order of the labels, which the cloud's Gaussians count from 0.
+    /// In the order of the parts, which the cloud's Gaussians count from 0.
     parts: Vec<ViewerPart<'a>>,
     properties: Vec<Property>,
     motion: Option<Moves<'a>>,
@@ -51,7 +51,7 @@ struct Moves<'a> {
     times_s: &'a [f64],
     ground_z: f64,
     sphere: Ball,
-    /// In the order of the labels.
+    /// In the order of the parts.
     paths: &'a [Path],
     /// Number of Gaussians with a track of their own.
     tracks: usize,
@@ -76,7 +76,7 @@ struct Property {
     unit: &'static str,
     /// True if it is coloured by its logarithm.
     log: bool,
-    /// In the order of the labels; `None` if the part has no value.
+    /// In the order of the parts; `None` if the part has no value.
     values: Vec<Option<Shade>>,
 }
 
@@ -91,15 +91,15 @@ struct Shade {
 pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud, motion: Option<&'a Motion>) -> Viewer<'a> {
     let Cloud { count, of, corners, log_scales, sphere, eye, .. } = cloud;
     let names = field_ply::material_names(&report.labels);
-    let part = |label: &'a FieldLabel| ViewerPart {
-        id: label.id,
-        name: part_name(&label.caption, &label.material),
-        caption: &label.caption,
-        material: &label.material,
-        color: css(palette::part(label.id)),
-        material_color: css(palette::material(
-            names.iter().position(|name| *name == label.material).unwrap_or(0) as u32
-        )),
+    let part = |part: &'a FieldPart| ViewerPart {
+        id: part.id,
+        name: part_name(&part.caption, &part.material),
+        caption: &part.caption,
+        material: &part.material,
+        color: css(palette::part(part.id)),
+        material_color: css(
+            palette::material(names.iter().position(|name| *name == part.material).unwrap_or(0) as u32),
+        ),
     };
     Viewer {
         cloud: Shown {
@@ -124,23 +124,23 @@ pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud, motion: Option<&'
     }
 }
 
-fn properties(labels: &[FieldLabel]) -> Vec<Property> {
-    let estimates = |name, unit, factor, log, of: fn(&FieldLabel) -> Estimate| {
-        property(name, unit, factor, log, labels, |label| Some(of(label)))
+fn properties(parts: &[FieldPart]) -> Vec<Property> {
+    let estimates = |name, unit, factor, log, estimate_of: fn(&FieldPart) -> Estimate| {
+        property(name, unit, factor, log, parts, |part| Some(estimate_of(part)))
     };
     let shore = |name, scale: ShoreScale| {
-        property(name, "", 1.0, false, labels, |label| {
-            label.hardness.filter(|hardness| hardness.scale == scale).map(|hardness| hardness.range.into())
+        property(name, "", 1.0, false, parts, |part| {
+            part.hardness.filter(|hardness| hardness.scale == scale).map(|hardness| hardness.range.into())
         })
     };
     let all = [
-        estimates("density", "kg/m³", 1.0, true, |label| label.density_kg_m3),
-        estimates("Young's modulus", "GPa", 1e-9, true, |label| label.youngs_modulus_pa),
-        estimates("Poisson's ratio", "", 1.0, false, |label| label.poisson_ratio),
+        estimates("density", "kg/m³", 1.0, true, |part| part.density_kg_m3),
+        estimates("Young's modulus", "GPa", 1e-9, true, |part| part.youngs_modulus_pa),
+        estimates("Poisson's ratio", "", 1.0, false, |part| part.poisson_ratio),
         shore("hardness, Shore A", ShoreScale::A),
         shore("hardness, Shore D", ShoreScale::D),
-        estimates("friction on rubber", "", 1.0, false, |label| label.friction_rubber),
-        estimates("strength", "MPa", 1e-6, true, |label| label.yield_strength_pa),
+        estimates("friction on rubber", "", 1.0, false, |part| part.friction_rubber),
+        estimates("strength", "MPa", 1e-6, true, |part| part.yield_strength_pa),
     ];
     all.into_iter().filter(|property| property.values.iter().any(Option::is_some)).collect()
 }
@@ -150,13 +150,13 @@ fn property(
     unit: &'static str,
     factor: f64,
     log: bool,
-    labels: &[FieldLabel],
-    of: impl Fn(&FieldLabel) -> Option<Estimate>,
+    parts: &[FieldPart],
+    estimate_of: impl Fn(&FieldPart) -> Option<Estimate>,
 ) -> Property {
     let shade = |estimate: Estimate| {
         let shown = figures(estimate, factor);
         let space = if unit.is_empty() { "" } else { " " };
         Shade { value: estimate.mid * factor, text: format!("{}{space}{unit} ({})", shown.mid, shown.interval) }
     };
-    Property { name, unit, log, values: labels.iter().map(|label| of(label).map(shade)).collect() }
+    Property { name, unit, log, values: parts.iter().map(|part| estimate_of(part).map(shade)).collect() }
 }

@@ -5,7 +5,7 @@ use minijinja::{Value, context};
 use crate::pictures::palette;
 use crate::query::{Answers, Match, Outcome, SubjectAnswer, SubjectId};
 use crate::report::{AnswerCounts, Disagreement, Pictures, Report, ViewPictures};
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 use crate::words::output::{agreeing, counted};
 use crate::words::part_name::part_name;
 use crate::words::readable::significant;
@@ -37,7 +37,7 @@ pub(super) fn disagreements(report: &Report, pictures: &Pictures, answers: &Answ
             of.materials.iter().map(|named| format!("{} in {}", named.material, counted(named.views.len(), "view")));
         let about = answers.all.iter().filter(|answer| answer.subject == SubjectId::Part(of.part));
         context! {
-            part => label_of(of.part, report).map_or_else(|| format!("{}, as a whole", of.part), title),
+            part => voted(of.part, report).map_or_else(|| format!("{}, as a whole", of.part), title),
             materials => named.collect::<Vec<_>>().join("; "),
             rows => about.map(|answer| context! { view => &answer.view, ..row(answer, pictures) }).collect::<Vec<_>>(),
         }
@@ -45,14 +45,14 @@ pub(super) fn disagreements(report: &Report, pictures: &Pictures, answers: &Answ
     report.disagreements.iter().map(one).collect()
 }
 
-/// The label of the part with this id; `None` if its pieces have labels of their own, or no Gaussian belongs to it.
-fn label_of(part_id: u16, report: &Report) -> Option<&FieldLabel> {
-    report.labels.iter().find(|label| label.id == u32::from(part_id))
+/// The part with this id; `None` if its pieces were voted on by themselves, or no Gaussian belongs to it.
+fn voted(part_id: u16, report: &Report) -> Option<&FieldPart> {
+    report.labels.iter().find(|part| part.id == u32::from(part_id))
 }
 
-/// A label's part id and name, as in the table of parts.
-fn title(label: &FieldLabel) -> String {
-    format!("{} {}", label.id, part_name(&label.caption, &label.material))
+/// A part's id and name, as in the table of parts.
+fn title(part: &FieldPart) -> String {
+    format!("{} {}", part.id, part_name(&part.caption, &part.material))
 }
 
 fn one(view: &ViewPictures, pictures: &Pictures, answers: &Answers) -> Value {

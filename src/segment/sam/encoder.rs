@@ -65,7 +65,7 @@ fn copies(path: &Path, threads: usize) -> Result<usize, SegmentError> {
 }
 
 fn check(session: &Session) -> Result<(), Mismatch> {
-    let is = |dtype: &ValueType, expected: &[i64]| {
+    let has_shape = |dtype: &ValueType, expected: &[i64]| {
         // Negative dimensions are dynamic and may match at run time.
         dtype.tensor_shape().is_some_and(|shape| {
             shape.len() == expected.len() && shape.iter().zip(expected).all(|(is, should)| *is < 0 || is == should)
@@ -77,10 +77,10 @@ fn check(session: &Session) -> Result<(), Mismatch> {
     };
     match (session.inputs(), session.outputs()) {
         ([input], [output, ..]) => {
-            if !is(input.dtype(), &INPUT) {
+            if !has_shape(input.dtype(), &INPUT) {
                 return Err(tensor("input", input));
             }
-            if !is(output.dtype(), &EMBEDDING) {
+            if !has_shape(output.dtype(), &EMBEDDING) {
                 return Err(tensor("output", output));
             }
             Ok(())

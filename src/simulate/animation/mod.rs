@@ -2,11 +2,12 @@
 //! object's shadow, from a camera that sees the whole motion.
 //!
 //! A film has more pictures than the simulation has frames: [`between`] interpolates. [`camera`] places the cameras,
-//! [`ground`] draws the ground.
+//! [`ground`] draws the ground, [`recorder`] makes a file of the pictures.
 
 mod between;
 mod camera;
 mod ground;
+mod recorder;
 
 use image::{RgbImage, imageops};
 use serde::Serialize;
@@ -15,7 +16,6 @@ use super::SimulationReport;
 use crate::camera::{Camera, Distortion};
 use crate::config::option_values::{Domain, OptionError, from_to};
 use crate::film::gif::Gif;
-use crate::film::mp4::Mp4;
 use crate::film::{self, FilmError, GIF_SAMPLES, Size};
 use crate::gaussians::Gaussians;
 use crate::parallel;
@@ -24,6 +24,8 @@ use crate::words::progress::Progress;
 use between::Motion;
 use camera::cameras_around;
 use ground::Ground;
+pub use recorder::Film;
+use recorder::{Recorded, Recorder};
 
 /// How many times slower than real the film runs: a fall of half a second is too short to follow.
 const SLOWED: f64 = 2.0;
@@ -127,12 +129,6 @@ pub struct Films {
     pub failure: Option<std::io::Error>,
 }
 
-/// A film as a file.
-pub enum Film {
-    Mp4(Vec<u8>),
-    Gif(Vec<u8>),
-}
-
 impl<'a> Shooting<'a> {
     /// The film of `report`. `photo` is the camera that [`Viewpoint::film_from`] names; `simulated` says which Gaussians
     /// are [`simulated`](super::simulated).
@@ -192,15 +188,7 @@ impl<'a> Shooting<'a> {
         let samples = self.samples(load)?;
         let small_samples: Vec<RgbImage> = samples.iter().map(small).collect();
         let mut animation = Gif::new(small_fps(self.film.fps), &small_samples).map_err(FilmError::from)?;
-        let size = samples[0].dimensions();
-        let (mut mp4, mut failure) = match Mp4::start(size, self.film.fps) {
-            Ok(started) => (started, None),
-            Err(error) => (None, Some(error)),
-        };
-        let mut gif = match mp4 {
-            Some(_) => None,
-            None => Some(Gif::new(self.film.fps, &samples).map_err(FilmError::from)?),
-        };
+        let mut recorder = Recorder::start(self.film.fps, &samples)?;
         let (mut index, mut small_index) = (0, 0);
         let mut take = |picture: RgbImage| -> Result<(), E> {
             if index == nearest_in_film(small_index, self.film.fps) {
@@ -208,27 +196,11 @@ impl<'a> Shooting<'a> {
                 small_index += 1;
             }
             index += 1;
-            if let Some(gif) = &mut gif {
-                gif.add(&picture).map_err(FilmError::from)?;
-            }
-            if let Some(Err(error)) = mp4.as_mut().map(|film| film.add(&picture)) {
-                (mp4, failure) = (None, Some(error));
-            }
-            Ok(())
+            Ok(recorder.add(&picture)?)
         };
         self.draw(load, &mut take, progress)?;
         let animation = animation.finish().map_err(FilmError::from)?;
-        let film = match (mp4.map(Mp4::finish), gif) {
-            (Some(Ok(bytes)), _) => Some(Film::Mp4(bytes)),
-            (ended, Some(gif)) => {
-                failure = failure.or(ended.and_then(Result::err));
-                Some(Film::Gif(gif.finish().map_err(FilmError::from)?))
-            }
-            (ended, None) => {
-                failure = failure.or(ended.and_then(Result::err));
-                None
-            }
-        };
+        let Recorded { film, failure } = recorder.finish()?;
         // ffmpeg failed after the pictures had been passed to it alone: they are drawn again.
         let film = match film {
             Some(film) => film,

@@ -19,7 +19,7 @@ use super::particle::Particle;
 use crate::materials::Law;
 use crate::mpm::laws::von_mises;
 use crate::simulate::material::{POISSON_CAP, Soften};
-use crate::vote::FieldLabel;
+use crate::vote::FieldPart;
 
 /// Number of cells along each side of the grid, whose side is 2: the peer's default.
 const GRID: u32 = 50;
@@ -66,14 +66,14 @@ pub struct Estimated<'a> {
 }
 
 impl<'a> Estimated<'a> {
-    /// The materials of `labels`, softened so that none is stiffer than `most_pa`.
-    pub fn new(of_gaussian: &'a [u32], labels: &[FieldLabel], soften: Soften, most_pa: f64) -> Self {
-        let mut is_used = vec![false; labels.len()];
-        of_gaussian.iter().for_each(|&label| is_used[label as usize] = true);
-        let modulus = |(label, is_used): (&FieldLabel, &bool)| is_used.then_some(label.youngs_modulus_pa.mid);
-        let moduli: Vec<Option<f64>> = labels.iter().zip(&is_used).map(modulus).collect();
+    /// The materials of `parts`, softened so that none is stiffer than `most_pa`.
+    pub fn new(of_gaussian: &'a [u32], parts: &[FieldPart], soften: Soften, most_pa: f64) -> Self {
+        let mut is_used = vec![false; parts.len()];
+        of_gaussian.iter().for_each(|&part| is_used[part as usize] = true);
+        let modulus = |(part, is_used): (&FieldPart, &bool)| is_used.then_some(part.youngs_modulus_pa.mid);
+        let moduli: Vec<Option<f64>> = parts.iter().zip(&is_used).map(modulus).collect();
         let factors = soften.factors(&moduli, most_pa);
-        let materials = labels.iter().zip(factors).map(|(label, factor)| EstimatedMaterial::new(label, factor));
+        let materials = parts.iter().zip(factors).map(|(part, factor)| EstimatedMaterial::new(part, factor));
         Self { of_gaussian, materials: materials.collect() }
     }
 
@@ -142,9 +142,9 @@ impl<'a> Estimated<'a> {
 }
 
 impl EstimatedMaterial {
-    fn new(label: &FieldLabel, softened: f64) -> Self {
+    fn new(part: &FieldPart, softened: f64) -> Self {
         let (mut yield_stress, mut softening, mut friction_angle, mut plastic_viscosity) = (None, None, None, None);
-        let law = match label.law {
+        let law = match part.law {
             Law::Elastic | Law::Fluid => LawName::Jelly,
             Law::VonMises { yield_stress_pa } => {
                 yield_stress = Some(von_mises::yield_radius(yield_stress_pa) * softened);
@@ -167,13 +167,13 @@ impl EstimatedMaterial {
             }
         };
         Self {
-            part: label.caption.clone(),
-            name: label.material.clone(),
+            part: part.caption.clone(),
+            name: part.material.clone(),
             softened,
             law,
-            youngs_modulus: label.youngs_modulus_pa.mid * softened,
-            poisson_ratio: label.poisson_ratio.mid.min(POISSON_CAP),
-            density: label.density_kg_m3.mid,
+            youngs_modulus: part.youngs_modulus_pa.mid * softened,
+            poisson_ratio: part.poisson_ratio.mid.min(POISSON_CAP),
+            density: part.density_kg_m3.mid,
             yield_stress,
             softening,
             friction_angle,

@@ -95,7 +95,8 @@ impl Energy {
             })
         };
         let neighbours: Vec<[[u32; 2]; 3]> = band.iter().map(|&i| neighbours_of(i as usize)).collect();
-        let diagonal = neighbours.iter().map(|n| n.iter().map(|pair| own(pair).powi(2) - own(pair)).sum()).collect();
+        let diagonal =
+            neighbours.iter().map(|n| n.iter().map(|pair| own_factor(pair).powi(2) - own_factor(pair)).sum()).collect();
         Self { neighbours, diagonal }
     }
 
@@ -107,10 +108,10 @@ impl Energy {
             let pairs = || self.neighbours.iter().map(move |n| &n[axis]);
             let second: Vec<f64> = pairs()
                 .zip(x)
-                .map(|(pair, x_own)| own(pair) * x_own + value_at(x, pair[0]) + value_at(x, pair[1]))
+                .map(|(pair, x_own)| own_factor(pair) * x_own + value_at(x, pair[0]) + value_at(x, pair[1]))
                 .collect();
             for ((result, pair), s) in result.iter_mut().zip(pairs()).zip(&second) {
-                *result += own(pair) * s + value_at(&second, pair[0]) + value_at(&second, pair[1]);
+                *result += own_factor(pair) * s + value_at(&second, pair[0]) + value_at(&second, pair[1]);
             }
         }
         result
@@ -145,7 +146,7 @@ impl Energy {
 }
 
 /// Factor of the cell itself in its second difference: -2, plus 1 for each neighbour outside the band.
-fn own(pair: &[u32; 2]) -> f64 {
+fn own_factor(pair: &[u32; 2]) -> f64 {
     pair.iter().filter(|n| **n == NONE).count() as f64 - 2.0
 }
 

@@ -98,8 +98,8 @@ impl Body {
     /// every particle's distance from any axis through it: how far the grid spreads a particle's momentum.
     pub fn new(particles: Vec<(u32, Particle)>, faces: Vec<Face>, spread_m2: f64) -> Self {
         let vector = |v: [f32; 3]| Vector3::from(v.map(f64::from));
-        let sum = |of: &dyn Fn(&Particle) -> Vector3<f64>| -> Vector3<f64> {
-            particles.iter().map(|(_, p)| of(p) * f64::from(p.mass_kg)).sum()
+        let sum = |value_of: &dyn Fn(&Particle) -> Vector3<f64>| -> Vector3<f64> {
+            particles.iter().map(|(_, p)| value_of(p) * f64::from(p.mass_kg)).sum()
         };
         let mass_kg: f64 = particles.iter().map(|(_, p)| f64::from(p.mass_kg)).sum();
         let center_m = sum(&|p| vector(p.position_m)) / mass_kg;

@@ -178,7 +178,7 @@ fn fit(places: &[(f64, f64)]) -> Option<((f64, f64), f64)> {
         return None;
     }
     let count = places.len() as f64;
-    let mean = |of: &dyn Fn(&(f64, f64)) -> f64| places.iter().map(of).sum::<f64>() / count;
+    let mean = |value_of: &dyn Fn(&(f64, f64)) -> f64| places.iter().map(value_of).sum::<f64>() / count;
     let (x, y) = (mean(&|place| place.0), mean(&|place| place.1));
     let slope = mean(&|place| (place.0 - x) * (place.1 - y)) / mean(&|place| (place.0 - x).powi(2));
     let line = (y - slope * x, slope);

@@ -1,6 +1,6 @@
-//! The properties of a label, from the answers that agree with it.
+//! The properties of a part, from the answers that agree on it.
 
-use super::FieldLabel;
+use super::FieldPart;
 use super::contents::contents;
 use super::estimate::middle_and_hull;
 use super::identity::Identity;
@@ -9,29 +9,29 @@ use crate::materials::MaterialLibrary;
 use crate::query::{Answer, Form};
 use crate::units::{Estimate, Range, ShoreHardness};
 
-/// The label with this `id` for `choice`: from the answers for this material about this 3D part, never from those for
+/// The part with this `id` for `choice`: from the answers for this material about this 3D part, never from those for
 /// another material. The caption is that of the answer with most weight.
-pub(super) fn label(
+pub(super) fn part(
     id: u32,
     choice: PartMaterial,
     material: &str,
     identity: &Identity,
     library: &MaterialLibrary,
-) -> FieldLabel {
+) -> FieldPart {
     let of_part = identity.answers_of_part[choice.part as usize].iter().map(|(answer, _)| *answer);
     let answers: Vec<&Answer> = of_part.filter(|answer| answer.material == material).collect();
     agreed(id, &answers, library)
 }
 
-/// The label with this `id` that `answers` for one material give together.
-pub(super) fn agreed(id: u32, answers: &[&Answer], library: &MaterialLibrary) -> FieldLabel {
+/// The part with this `id` that `answers` for one material give together.
+pub(super) fn agreed(id: u32, answers: &[&Answer], library: &MaterialLibrary) -> FieldPart {
     let first = answers[0];
     let form = form(answers);
     let is_mixed = |answer: &Answer| answer.form == Form::Mixed;
     let same_density = answers.iter().filter(|answer| is_mixed(answer) == (form == Form::Mixed));
     let material = library.get(&first.material).expect("answers were checked against the library");
     let estimate = |property: fn(&Answer) -> Range| middle_and_hull(answers.iter().map(|answer| property(answer)));
-    FieldLabel {
+    FieldPart {
         id,
         caption: first.caption.clone(),
         material: first.material.clone(),
