@@ -131,6 +131,7 @@ pub fn for_each_chunk_mut<T: Send>(items: &mut [T], size: usize, change: impl Fn
 pub fn sort_unstable_by<T: Send>(items: &mut [T], compare: impl Fn(&T, &T) -> cmp::Ordering + Sync) {
     use rayon::slice::ParallelSliceMut;
 
+    #[expect(clippy::disallowed_methods, reason = "this is where it is called")]
     items.par_sort_unstable_by(compare);
 }
 
@@ -138,12 +139,14 @@ pub fn sort_unstable_by<T: Send>(items: &mut [T], compare: impl Fn(&T, &T) -> cm
 pub fn sort_by<T: Send>(items: &mut [T], compare: impl Fn(&T, &T) -> cmp::Ordering + Sync) {
     use rayon::slice::ParallelSliceMut;
 
+    #[expect(clippy::disallowed_methods, reason = "this is where it is called")]
     items.par_sort_by(compare);
 }
 
 /// The results of two functions.
 pub fn join<A: Send, B: Send>(one: impl FnOnce() -> A + Send, other: impl FnOnce() -> B + Send) -> (A, B) {
     fn join(one: &mut (dyn FnMut() + Send), other: &mut (dyn FnMut() + Send)) {
+        #[expect(clippy::disallowed_methods, reason = "this is where it is called")]
         rayon::join(one, other);
     }
     let (mut one, mut other) = (Some(one), Some(other));
@@ -161,6 +164,7 @@ fn split(count: usize, task: &(dyn Fn(Range<usize>) + Sync)) {
         let middle = range.start + range.len() / 2;
         if range.len() < 2 { (range, None) } else { (range.start..middle, Some(middle..range.end)) }
     };
+    #[expect(clippy::disallowed_methods, reason = "this is where it is called")]
     rayon::iter::split(0..count, halves).for_each(task);
 }
 

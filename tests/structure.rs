@@ -75,22 +75,6 @@ fn no_stage_imports_the_pipeline() {
     }
 }
 
-/// What calls rayon's iterators or serde's JSON directly is compiled anew, thousands of lines each time (docs/extending.md).
-#[test]
-fn parallel_work_and_json_go_through_their_rooms() {
-    let calls = |tokens: &[String], crate_name: &str, called: &[&str]| {
-        tokens.windows(3).any(|path| path[0] == crate_name && path[1] == "::" && called.contains(&path[2].as_str()))
-    };
-    let json = ["from_reader", "from_slice", "from_str", "to_string", "to_string_pretty", "to_vec", "to_writer"];
-    for module in Source::read().0.values() {
-        let (file, tokens) = (&module.file, &module.tokens);
-        let works = calls(tokens, "rayon", &["iter", "join", "prelude", "slice"]);
-        assert!(!works || file == "parallel.rs", "{file} works in parallel by itself; use crate::parallel");
-        let converts = calls(tokens, "serde_json", &json);
-        assert!(!converts || file == "files/json.rs", "{file} reads or writes JSON by itself; use files::json");
-    }
-}
-
 #[test]
 fn the_reader_of_imports_sees_circles() {
     let source = |files: &[(&str, &str)]| {

@@ -85,6 +85,7 @@ impl Formatter for Layout {
 /// # Errors
 /// If it is not JSON, or not that of a `T`.
 pub fn read<'a, T: Deserialize<'a>>(bytes: &'a [u8]) -> serde_json::Result<T> {
+    #[expect(clippy::disallowed_methods, reason = "this is where it is called")]
     serde_json::from_slice(bytes)
 }
 
