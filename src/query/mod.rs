@@ -20,7 +20,7 @@ pub mod session;
 
 pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};
-pub use answer::recognition::{Choice, Hypothesis, Piece, Printed, Recognition, Unnumbered};
+pub use answer::recognition::{Choice, Hypothesis, Printed, Recognition, RecognizedPart, Unnumbered};
 pub use ask::direct::DirectGuess;
 pub use ask::evidence::{Alternative, ObjectAnswers, PartQuestion};
 pub use ask::follow_up::{Region, Why};

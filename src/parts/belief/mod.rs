@@ -1,6 +1,6 @@
-//! What is believed of an object after all evidence: what it is, how its pieces are made, and how heavy it is.
+//! What is believed of an object after all evidence: what it is, how its parts are made, and how heavy it is.
 //!
-//! The unknowns are the object's identity (a [`Hypothesis`]), the way in which each piece is made (a choice), and under each
+//! The unknowns are the object's identity (a [`Hypothesis`]), the way in which each part is made (a choice), and under each
 //! of them the continuous ones of [`unknowns`](super::mass::unknowns). A [state](mod@states) is one combination of identity and
 //! choices; its prior probability is what the model says of the object, times the likelihood of what it says of parts by themselves.
 //! Under a state, shape and materials give a belief about the mass, and so does the model's own estimate for such a thing; both are
@@ -20,7 +20,7 @@ use super::mass::unknowns::{Belief, Effect, Owner, PRINTED_ERROR, Quantity, Sour
 use super::mass::weights::Weight;
 use super::result::{AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
 use crate::materials::MaterialLibrary;
-use crate::query::{Alternative, Hypothesis, ObjectAnswers, Piece, Printed, Unnumbered};
+use crate::query::{Alternative, Hypothesis, ObjectAnswers, Printed, RecognizedPart, Unnumbered};
 use crate::units::{Estimate, Range};
 use crate::vote::{Contents, FieldPart, MaterialField};
 use spread::{Curve, Spread};
@@ -95,9 +95,10 @@ impl Possibilities {
     pub fn new(answered: &ObjectAnswers, field: &MaterialField, library: &MaterialLibrary) -> Self {
         let ObjectAnswers { recognition, .. } = answered;
         let alternatives = answered.alternatives();
-        let piece_of = |label: &FieldPart| {
-            let is_its = |piece: &Piece| piece.numbers.first().is_some_and(|first| u32::from(*first) == label.id);
-            recognition.pieces.iter().position(is_its)
+        let recognized_as = |label: &FieldPart| {
+            let is_its =
+                |part: &RecognizedPart| part.numbers.first().is_some_and(|first| u32::from(*first) == label.id);
+            recognition.parts.iter().position(is_its)
         };
         let possible = |id: u32, of: &Alternative| Possible {
             label: FieldPart::answered(id, &of.answer, library),
@@ -107,14 +108,14 @@ impl Possibilities {
         };
         let mut stated_mass_counts = true;
         let mut of_label = |label: &FieldPart| {
-            let of = piece_of(label).map_or(&[][..], |piece| &alternatives[piece]);
+            let of = recognized_as(label).map_or(&[][..], |part| &alternatives[part]);
             let choices: Vec<Possible> = of.iter().map(|of| possible(label.id, of)).collect();
             let Some(of) = &label.corrected else { return choices };
             stated_mass_counts &= corrected::agree(&choices, &of.to, library);
             corrected::corrected(choices, &of.to, label, library)
         };
         let of_label = field.parts.iter().map(&mut of_label).collect();
-        let asked = |label: &FieldPart| answered.question_about(piece_of(label)?).map(AskedPart::of);
+        let asked = |label: &FieldPart| answered.question_about(recognized_as(label)?).map(AskedPart::of);
         Self {
             hypotheses: recognition.hypotheses.clone(),
             stated_mass_counts,
@@ -267,8 +268,8 @@ fn states(possible: &Possibilities) -> Vec<State> {
         if choices.is_empty() { vec![vec![1.0]; hypotheses.len()] } else { (0..hypotheses.len()).map(under).collect() }
     };
     let thing = |of: &Unnumbered| vec![vec![1.0 - of.probability, of.probability]; hypotheses.len()];
-    let pieces: Vec<_> = possible.of_label.iter().map(of_label).chain(possible.unnumbered.iter().map(thing)).collect();
-    states::most_probable(&hypotheses, &pieces)
+    let items: Vec<_> = possible.of_label.iter().map(of_label).chain(possible.unnumbered.iter().map(thing)).collect();
+    states::most_probable(&hypotheses, &items)
 }
 
 /// The masses under a state.
@@ -340,13 +341,13 @@ fn taken(possible: &Possibilities, states: &[Weighed], posterior: &[f64], of_hyp
     (0..possible.of_label.len()).map(of_label).collect()
 }
 
-/// The probability that a piece of the states is made in this way.
-fn probability_of(states: &[Weighed], posterior: &[f64], piece: usize, choice: usize) -> f64 {
-    let with = states.iter().zip(posterior).filter(|(of, _)| of.state.choices[piece] == choice);
+/// The probability that an item of the states is made in this way.
+fn probability_of(states: &[Weighed], posterior: &[f64], item: usize, choice: usize) -> f64 {
+    let with = states.iter().zip(posterior).filter(|(of, _)| of.state.choices[item] == choice);
     with.map(|(_, probability)| probability).sum()
 }
 
-/// The probability that a piece of the states is made in this way, under each hypothesis; none of those that are excluded.
+/// The probability that an item of the states is made in this way, under each hypothesis; none of those that are excluded.
 fn probabilities_under(
     possible: &Possibilities,
     states: &[Weighed],

@@ -1,9 +1,9 @@
-//! The ways in which all pieces of an object may be made together, the most probable first.
+//! The ways in which all items of an object, its parts and what no part shows, may be made together, the most probable first.
 
 use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
-/// One way in which everything may be: the hypothesis, and for each piece the index of its choice.
+/// One way in which everything may be: the hypothesis, and for each item the index of its choice.
 #[derive(Debug, Clone, PartialEq)]
 pub struct State {
     pub hypothesis: usize,
@@ -12,16 +12,16 @@ pub struct State {
     pub probability: f64,
 }
 
-/// More states than this differ in pieces that hardly matter.
+/// More states than this differ in items that hardly matter.
 const MOST: usize = 256;
 
-/// The most probable states, under each hypothesis with a probability; `pieces` has for each piece, by hypothesis, the
-/// probabilities of its choices. Given the hypothesis, pieces are independent of each other.
-pub fn most_probable(hypotheses: &[f64], pieces: &[Vec<Vec<f64>>]) -> Vec<State> {
+/// The most probable states, under each hypothesis with a probability; `items` has for each item, by hypothesis, the
+/// probabilities of its choices. Given the hypothesis, items are independent of each other.
+pub fn most_probable(hypotheses: &[f64], items: &[Vec<Vec<f64>>]) -> Vec<State> {
     let mut states: Vec<State> = Vec::new();
     for (hypothesis, probability) in hypotheses.iter().enumerate().filter(|(_, probability)| **probability > 0.0) {
-        let of_pieces: Vec<Vec<(usize, f64)>> = pieces.iter().map(|piece| ranked(&piece[hypothesis])).collect();
-        states.extend(of_hypothesis(&of_pieces, MOST).into_iter().map(|(choices, share)| State {
+        let of_items: Vec<Vec<(usize, f64)>> = items.iter().map(|item| ranked(&item[hypothesis])).collect();
+        states.extend(of_hypothesis(&of_items, MOST).into_iter().map(|(choices, share)| State {
             hypothesis,
             choices,
             probability: probability * share,
@@ -42,12 +42,12 @@ fn ranked(probabilities: &[f64]) -> Vec<(usize, f64)> {
     choices
 }
 
-/// A combination by the rank of each piece's choice.
+/// A combination by the rank of each item's choice.
 #[derive(Debug, PartialEq)]
 struct Combination {
     probability: f64,
     ranks: Vec<usize>,
-    /// Only the ranks from this piece on may still go up, so that each combination is met once.
+    /// Only the ranks from this item on may still go up, so that each combination is met once.
     from: usize,
 }
 
@@ -65,21 +65,21 @@ impl PartialOrd for Combination {
     }
 }
 
-/// The `most` most probable combinations of choices, best first: the choice of each piece, and the probability.
-fn of_hypothesis(pieces: &[Vec<(usize, f64)>], most: usize) -> Vec<(Vec<usize>, f64)> {
-    let first = pieces.iter().map(|piece| piece.first().map_or(0.0, |(_, p)| *p)).product();
-    let mut open = BinaryHeap::from([Combination { probability: first, ranks: vec![0; pieces.len()], from: 0 }]);
+/// The `most` most probable combinations of choices, best first: the choice of each item, and the probability.
+fn of_hypothesis(items: &[Vec<(usize, f64)>], most: usize) -> Vec<(Vec<usize>, f64)> {
+    let first = items.iter().map(|item| item.first().map_or(0.0, |(_, p)| *p)).product();
+    let mut open = BinaryHeap::from([Combination { probability: first, ranks: vec![0; items.len()], from: 0 }]);
     let mut found = Vec::new();
     while let Some(Combination { probability, ranks, from }) = open.pop() {
-        for piece in from..pieces.len() {
-            let (now, next) = (pieces[piece][ranks[piece]].1, pieces[piece].get(ranks[piece] + 1));
+        for item in from..items.len() {
+            let (now, next) = (items[item][ranks[item]].1, items[item].get(ranks[item] + 1));
             if let Some((_, next)) = next {
                 let mut ranks = ranks.clone();
-                ranks[piece] += 1;
-                open.push(Combination { probability: probability / now * next, ranks, from: piece });
+                ranks[item] += 1;
+                open.push(Combination { probability: probability / now * next, ranks, from: item });
             }
         }
-        let choices = pieces.iter().zip(&ranks).map(|(piece, rank)| piece[*rank].0).collect();
+        let choices = items.iter().zip(&ranks).map(|(item, rank)| item[*rank].0).collect();
         found.push((choices, probability));
         if found.len() == most {
             break;
@@ -94,15 +94,15 @@ mod tests {
 
     #[test]
     fn all_combinations_come_once_and_the_most_probable_first() {
-        let pieces = vec![vec![vec![0.2, 0.8], vec![1.0, 0.0]], vec![vec![0.5, 0.3, 0.2], vec![0.1, 0.2, 0.7]]];
-        let states = most_probable(&[0.6, 0.4], &pieces);
+        let items = vec![vec![vec![0.2, 0.8], vec![1.0, 0.0]], vec![vec![0.5, 0.3, 0.2], vec![0.1, 0.2, 0.7]]];
+        let states = most_probable(&[0.6, 0.4], &items);
         assert_eq!(states.len(), 2 * 3 + 3, "the second hypothesis excludes a choice");
         assert!((states.iter().map(|state| state.probability).sum::<f64>() - 1.0).abs() < 1e-12);
         assert!(states.is_sorted_by(|a, b| a.probability >= b.probability));
         assert_eq!((states[0].hypothesis, &*states[0].choices), (1, &[0, 2][..]));
         for state in &states {
             let share: f64 =
-                state.choices.iter().zip(&pieces).map(|(choice, piece)| piece[state.hypothesis][*choice]).product();
+                state.choices.iter().zip(&items).map(|(choice, item)| item[state.hypothesis][*choice]).product();
             let expected = [0.6, 0.4][state.hypothesis] * share;
             assert!((state.probability - expected).abs() < 1e-12, "{state:?}");
         }
@@ -110,8 +110,8 @@ mod tests {
 
     #[test]
     fn of_very_many_combinations_the_most_probable_are_kept() {
-        let pieces = vec![vec![vec![0.9, 0.1]]; 40];
-        let states = most_probable(&[1.0], &pieces);
+        let items = vec![vec![vec![0.9, 0.1]]; 40];
+        let states = most_probable(&[1.0], &items);
         assert_eq!(states.len(), MOST);
         let changed = |state: &State| state.choices.iter().filter(|choice| **choice == 1).count();
         assert!(states.is_sorted_by_key(changed), "one change is more probable than two");

@@ -113,7 +113,7 @@ impl FoundSubjects {
             }
         };
         if let Some(recognized) = &open.get::<Recognized>()?.0 {
-            let first = recognized.recognition.first_of_piece();
+            let first = recognized.recognition.first_of_part();
             let first = |id: u16| first.get(&id).copied().unwrap_or(id);
             return Ok(found.maps.iter().map(|map| Cow::Owned(renamed(map, first))).collect());
         }

@@ -56,7 +56,8 @@ pub struct Recognition {
     /// What it may be, at least one, the most probable first; their probabilities add up to 1.
     pub hypotheses: Vec<Hypothesis>,
     /// Every region of the question belongs to exactly one of them.
-    pub pieces: Vec<Piece>,
+    #[serde(rename = "pieces")]
+    pub parts: Vec<RecognizedPart>,
     /// What has no region of its own.
     pub unnumbered: Vec<Unnumbered>,
 }
@@ -79,9 +80,9 @@ pub struct Hypothesis {
     pub mass_kg: Range,
 }
 
-/// Regions that are one piece of one material.
+/// Regions that are one part of one material, as the model says: a "piece" of its answer.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Piece {
+pub struct RecognizedPart {
     /// The ids of its regions, in order.
     pub numbers: Vec<u16>,
     pub caption: String,
@@ -89,7 +90,7 @@ pub struct Piece {
     pub choices: Vec<Choice>,
 }
 
-/// One way in which a piece may be made.
+/// One way in which a part may be made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Choice {
     /// The hypotheses under which it may be so, by index.
@@ -115,33 +116,33 @@ impl Recognition {
     pub fn problem(&self) -> Option<String> {
         let hypotheses = self.hypotheses.len();
         let mut numbers = BTreeSet::new();
-        let is_whole = |piece: &Piece| {
+        let is_whole = |part: &RecognizedPart| {
             let is_known =
                 |choice: &Choice| choice.under.iter().all(|&of| of < hypotheses) && choice.probability.is_finite();
-            !piece.choices.is_empty() && piece.choices.iter().all(is_known)
+            !part.choices.is_empty() && part.choices.iter().all(is_known)
         };
         let are_masses = |mass: Range| mass.low > 0.0 && mass.low <= mass.high && mass.high.is_finite();
-        if hypotheses == 0 || !self.pieces.iter().all(is_whole) {
+        if hypotheses == 0 || !self.parts.iter().all(is_whole) {
             return Some("it has no hypothesis, or a piece without a choice".to_owned());
         }
-        if !self.pieces.iter().flat_map(|piece| &piece.numbers).all(|number| numbers.insert(*number)) {
+        if !self.parts.iter().flat_map(|part| &part.numbers).all(|number| numbers.insert(*number)) {
             return Some("a region is in two of its pieces".to_owned());
         }
         let masses = self.hypotheses.iter().map(|of| of.mass_kg).chain(self.unnumbered.iter().map(|of| of.mass_kg));
         (!masses.into_iter().all(are_masses)).then(|| "a mass in it is impossible".to_owned())
     }
 
-    /// For each region, the first region of its piece, by which the piece goes.
-    pub fn first_of_piece(&self) -> BTreeMap<u16, u16> {
-        let of_piece = |piece: &Piece| {
-            let first = piece.numbers.first().copied();
-            piece.numbers.iter().filter_map(|number| Some((*number, first?))).collect::<Vec<_>>()
+    /// For each region, the first region of its part, by which the part goes.
+    pub fn first_of_part(&self) -> BTreeMap<u16, u16> {
+        let of_part = |part: &RecognizedPart| {
+            let first = part.numbers.first().copied();
+            part.numbers.iter().filter_map(|number| Some((*number, first?))).collect::<Vec<_>>()
         };
-        self.pieces.iter().flat_map(of_piece).collect()
+        self.parts.iter().flat_map(of_part).collect()
     }
 }
 
-impl Piece {
+impl RecognizedPart {
     /// The probability of each choice under a hypothesis: 0 for those that it excludes, and all of them as they are if it
     /// excludes all.
     pub fn probabilities(&self, hypothesis: usize) -> Vec<f64> {
@@ -213,11 +214,11 @@ pub fn read(value: Value, numbers: &[u16], library: &MaterialLibrary) -> Result<
     let written: Written = serde_json::from_value(value).map_err(|error| Problem::invalid(format!("{error}.")))?;
     let hypotheses = hypotheses(&written.hypotheses)?;
     check_numbers(&written.pieces, numbers)?;
-    let pieces = written.pieces.iter().map(|piece| self::piece(piece, hypotheses.len(), library));
+    let parts = written.pieces.iter().map(|piece| part(piece, hypotheses.len(), library));
     Ok(Recognition {
         object: written.object.trim().to_owned(),
         printed: printed(&written),
-        pieces: pieces.collect::<Result<_, _>>()?,
+        parts: parts.collect::<Result<_, _>>()?,
         unnumbered: written.unnumbered.iter().map(unnumbered).collect::<Result<_, _>>()?,
         hypotheses,
     })
@@ -257,12 +258,12 @@ fn listed<'a>(numbers: impl Iterator<Item = &'a u16>) -> String {
     numbers.map(u16::to_string).collect::<Vec<_>>().join(", ")
 }
 
-fn piece(written: &WrittenPiece, hypotheses: usize, library: &MaterialLibrary) -> Result<Piece, Problem> {
+fn part(written: &WrittenPiece, hypotheses: usize, library: &MaterialLibrary) -> Result<RecognizedPart, Problem> {
     let mut numbers = written.numbers.clone();
     numbers.sort_unstable();
     let caption = written.caption.trim();
     let choices = written.choices.iter().map(|choice| self::choice(choice, caption, hypotheses, library));
-    Ok(Piece { numbers, caption: caption.to_owned(), choices: choices.collect::<Result<_, _>>()? })
+    Ok(RecognizedPart { numbers, caption: caption.to_owned(), choices: choices.collect::<Result<_, _>>()? })
 }
 
 fn choice(
@@ -406,11 +407,11 @@ mod tests {
         assert_eq!(said.hypotheses[1].mass_kg, Range::new(0.01, 0.02));
         assert_eq!(said.printed.as_ref().unwrap().mass_kg, Some(0.305));
         assert_eq!(said.unnumbered[0].place, Some((1, [0.2, 1.0])));
-        let piece = &said.pieces[0];
-        assert_eq!(piece.numbers, [1, 2]);
-        assert_eq!([piece.probabilities(0), piece.probabilities(1)], [[1.0, 0.0], [0.0, 1.0]]);
-        assert!(piece.choices.iter().all(|choice| choice.answer.family == "metal"), "{piece:?}");
-        assert_eq!(piece.choices[0].answer.density_kg_m3, Range::new(7700.0, 8100.0), "as said, not the library's");
+        let part = &said.parts[0];
+        assert_eq!(part.numbers, [1, 2]);
+        assert_eq!([part.probabilities(0), part.probabilities(1)], [[1.0, 0.0], [0.0, 1.0]]);
+        assert!(part.choices.iter().all(|choice| choice.answer.family == "metal"), "{part:?}");
+        assert_eq!(part.choices[0].answer.density_kg_m3, Range::new(7700.0, 8100.0), "as said, not the library's");
     }
 
     #[test]
@@ -418,7 +419,7 @@ mod tests {
         let material = |name: &str| {
             let choices = json!([choice(&[], 1.0, name)]);
             let said = read(answer(json!([{ "numbers": [1, 2], "caption": "x", "choices": choices }])));
-            said.map(|said| said.pieces[0].choices[0].answer.material.clone()).map_err(|problem| problem.reason)
+            said.map(|said| said.parts[0].choices[0].answer.material.clone()).map_err(|problem| problem.reason)
         };
         assert!(material("carbon steel, medium to high carbon (aisi 1060)").unwrap().contains("carbon"));
         assert!(material("steel chuck body and jaws in a polyamide sleeve").unwrap().contains("steel"));

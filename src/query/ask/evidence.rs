@@ -1,4 +1,4 @@
-//! What answers about parts by themselves say of the ways in which the pieces of an object may be made, which the answer about
+//! What answers about parts by themselves say of the ways in which the parts of an object may be made, which the answer about
 //! the whole object gave.
 //!
 //! An answer names one material out of the whole library with a confidence q, at least 1/3 (the one that is named is not less
@@ -8,13 +8,13 @@
 //! (1 + q) / 2. If none is of its family either, the answer is a choice of its own, with the prior probability that the truth is not
 //! among those that a model gives ([`OUTSIDE`]). Form and inside, if both answers say them, count as right in [`RIGHT`] of the cases.
 //!
-//! Choices and hypotheses then have the product of their probabilities and likelihoods: pieces are independent of each other, given
+//! Choices and hypotheses then have the product of their probabilities and likelihoods: parts are independent of each other, given
 //! the hypothesis.
 
 use serde::{Deserialize, Serialize};
 
 use super::follow_up::Why;
-use crate::query::{Answer, Form, Inside, Outcome, Piece, Recognition, SubjectId};
+use crate::query::{Answer, Form, Inside, Outcome, Recognition, RecognizedPart, SubjectId};
 use crate::units::Range;
 
 /// As for the ends of ranges: one of ten things is none of what the model says.
@@ -36,8 +36,9 @@ pub struct ObjectAnswers {
 /// A question about a part by itself that followed the one about the object.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PartQuestion {
-    /// The index of the piece to which the part belongs.
-    pub piece: usize,
+    /// Its index in the [`Recognition`].
+    #[serde(rename = "piece")]
+    pub part: usize,
     pub view: String,
     /// What the question showed.
     #[serde(flatten)]
@@ -47,11 +48,11 @@ pub struct PartQuestion {
     pub outcome: Option<Outcome>,
 }
 
-/// A way in which a piece may be made.
+/// A way in which a part may be made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Alternative {
     pub answer: Answer,
-    /// Its probability among the piece's alternatives, by hypothesis, before any answer about the part.
+    /// Its probability among the part's alternatives, by hypothesis, before any answer about the part.
     pub under: Vec<f64>,
     /// How probable the answer about the part is if this is so, relative to the other alternatives.
     pub likelihood: f64,
@@ -71,8 +72,8 @@ impl PartQuestion {
 impl ObjectAnswers {
     /// Why it cannot be what gprop wrote: a work folder may come from anyone.
     pub fn problem(&self) -> Option<String> {
-        let is_known = |question: &PartQuestion| question.piece < self.recognition.pieces.len();
-        let unknown = || "it has a question about a piece that it does not have".to_owned();
+        let is_known = |question: &PartQuestion| question.part < self.recognition.parts.len();
+        let unknown = || "it has a question about a part that it does not have".to_owned();
         self.recognition.problem().or_else(|| (!self.questions.iter().all(is_known)).then(unknown))
     }
 
@@ -81,55 +82,55 @@ impl ObjectAnswers {
         self.questions.iter().any(|question| question.answer().is_none())
     }
 
-    /// The question about the piece of this index by itself, if there was one.
-    pub fn question_about(&self, piece: usize) -> Option<&PartQuestion> {
-        self.questions.iter().find(|question| question.piece == piece)
+    /// The question about the part of this index by itself, if there was one.
+    pub fn question_about(&self, part: usize) -> Option<&PartQuestion> {
+        self.questions.iter().find(|question| question.part == part)
     }
 
-    /// By piece, the ways in which it may be made: those of its choices, in their order, and what an answer adds.
+    /// By part, the ways in which it may be made: those of its choices, in their order, and what an answer adds.
     pub fn alternatives(&self) -> Vec<Vec<Alternative>> {
-        let of_piece = |(index, piece): (usize, &Piece)| {
-            let stated = self.stated(piece);
+        let of_part = |(index, part): (usize, &RecognizedPart)| {
+            let stated = self.stated(part);
             match self.question_about(index).and_then(PartQuestion::answer) {
                 Some(said) => weighed(stated, said),
                 None => stated,
             }
         };
-        self.recognition.pieces.iter().enumerate().map(of_piece).collect()
+        self.recognition.parts.iter().enumerate().map(of_part).collect()
     }
 
-    fn stated(&self, piece: &Piece) -> Vec<Alternative> {
+    fn stated(&self, part: &RecognizedPart) -> Vec<Alternative> {
         let hypotheses = &self.recognition.hypotheses;
-        let under: Vec<Vec<f64>> = (0..hypotheses.len()).map(|hypothesis| piece.probabilities(hypothesis)).collect();
+        let under: Vec<Vec<f64>> = (0..hypotheses.len()).map(|hypothesis| part.probabilities(hypothesis)).collect();
         let alternative = |(choice, answer): (usize, &Answer)| {
             let under: Vec<f64> = under.iter().map(|probabilities| probabilities[choice]).collect();
             let stated_probability = hypotheses.iter().zip(&under).map(|(of, under)| of.probability * under).sum();
             Alternative { answer: answer.clone(), under, likelihood: 1.0, stated_probability }
         };
-        piece.choices.iter().map(|choice| &choice.answer).enumerate().map(alternative).collect()
+        part.choices.iter().map(|choice| &choice.answer).enumerate().map(alternative).collect()
     }
 
-    /// By piece, the probabilities of these alternatives after all answers.
+    /// By part, the probabilities of these alternatives after all answers.
     pub fn probabilities(&self, alternatives: &[Vec<Alternative>]) -> Vec<Vec<f64>> {
         let hypotheses = &self.recognition.hypotheses;
-        let evidence = |piece: &[Alternative], hypothesis: usize| -> f64 {
-            piece.iter().map(|of| of.under[hypothesis] * of.likelihood).sum()
+        let evidence = |part: &[Alternative], hypothesis: usize| -> f64 {
+            part.iter().map(|of| of.under[hypothesis] * of.likelihood).sum()
         };
         let weight = |hypothesis: usize| {
-            let of_pieces: f64 = alternatives.iter().map(|piece| evidence(piece, hypothesis)).product();
-            hypotheses[hypothesis].probability * of_pieces
+            let of_parts: f64 = alternatives.iter().map(|part| evidence(part, hypothesis)).product();
+            hypotheses[hypothesis].probability * of_parts
         };
         let weights: Vec<f64> = (0..hypotheses.len()).map(weight).collect();
         let all: f64 = weights.iter().sum();
-        let of_alternative = |piece: &[Alternative], of: &Alternative| -> f64 {
+        let of_alternative = |part: &[Alternative], of: &Alternative| -> f64 {
             let under = weights.iter().enumerate().filter(|(_, weight)| **weight > 0.0);
-            under.map(|(h, weight)| weight / all * of.under[h] * of.likelihood / evidence(piece, h)).sum()
+            under.map(|(h, weight)| weight / all * of.under[h] * of.likelihood / evidence(part, h)).sum()
         };
-        alternatives.iter().map(|piece| piece.iter().map(|of| of_alternative(piece, of)).collect()).collect()
+        alternatives.iter().map(|part| part.iter().map(|of| of_alternative(part, of)).collect()).collect()
     }
 }
 
-/// How an answer about a part agrees with a way in which its piece may be made.
+/// How an answer about a part agrees with a way in which it may be made.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Agreement {
     Material,
@@ -231,7 +232,7 @@ mod tests {
         Answer { form: Form::Shell { wall_thickness_m: Range::new(low, high) }, ..of }
     }
 
-    /// An object that is real with 0.7 and of one piece, made in one of these ways under the hypotheses of these indices; the
+    /// An object that is real with 0.7 and of one part, made in one of these ways under the hypotheses of these indices; the
     /// answer about it by itself is `said`.
     fn asked(choices: &[(&[usize], f64, Answer)], said: Answer) -> ObjectAnswers {
         let hypothesis =
@@ -241,17 +242,20 @@ mod tests {
             probability: *probability,
             answer: answer.clone(),
         };
-        let piece =
-            Piece { numbers: vec![1], caption: "a globe".to_owned(), choices: choices.iter().map(choice).collect() };
+        let part = RecognizedPart {
+            numbers: vec![1],
+            caption: "a globe".to_owned(),
+            choices: choices.iter().map(choice).collect(),
+        };
         let recognition = Recognition {
             object: "a thing".to_owned(),
             printed: None,
             hypotheses: vec![hypothesis(0.7), hypothesis(0.3)],
-            pieces: vec![piece],
+            parts: vec![part],
             unnumbered: Vec::new(),
         };
         let question = PartQuestion {
-            piece: 0,
+            part: 0,
             view: "000".to_owned(),
             subject: SubjectId::Part(1),
             why: Why::Material { probability: 0.6, view_share: 0.1 },

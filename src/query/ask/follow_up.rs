@@ -1,13 +1,13 @@
 //! Which parts are asked about by themselves once the answer about the whole object is there: those of which an answer would
 //! narrow the mass, and those whose material is visible and undecided.
 //!
-//! *Mass.* How heavy the object may be has a variance, which the hypotheses and their masses state. A piece contributes to it
+//! *Mass.* How heavy the object may be has a variance, which the hypotheses and their masses state. A part contributes to it
 //! by how much its mass differs between the ways in which it may be made, which an answer about it tells apart. Its mass in each of
 //! these ways is its share of the surface, times the density, times the thickness of the material behind the surface; all
-//! masses are then scaled to what the hypotheses say on the average. Pieces are asked about in the order of their contributions,
+//! masses are then scaled to what the hypotheses say on the average. Parts are asked about in the order of their contributions,
 //! until what is left is less than [`LEFT_SHARE`] of the variance.
 //!
-//! *Material.* A piece is undecided if its likeliest family of materials is less probable than [`DECIDED`], and visible if it is
+//! *Material.* A part is undecided if its likeliest family of materials is less probable than [`DECIDED`], and visible if it is
 //! [`VISIBLE_SHARE`] of the object in some view. (Materials of one family are alike in what is done with them, or differ in density,
 //! which the first rule sees.)
 
@@ -17,14 +17,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::materials::MaterialLibrary;
 use crate::numeric::NORMAL_90;
-use crate::query::{Answer, Form, Hypothesis, Inside, Piece, Recognition};
+use crate::query::{Answer, Form, Hypothesis, Inside, Recognition, RecognizedPart};
 use crate::units::Range;
 
-/// The share of the mass's variance that pieces may leave: a standard deviation that is 5 % smaller is hardly noticed.
+/// The share of the mass's variance that parts may leave: a standard deviation that is 5 % smaller is hardly noticed.
 const LEFT_SHARE: f64 = 0.1;
 /// The likeliest family is at least twice as probable as all others together.
 const DECIDED: f64 = 2.0 / 3.0;
-/// A square of this share is a sixth as wide as the object: smaller pieces change little of a picture of its materials.
+/// A square of this share is a sixth as wide as the object: smaller parts change little of a picture of its materials.
 const VISIBLE_SHARE: f64 = 0.03;
 /// Volume of a round rod over its area and diameter: a plate has 1/2, a ball has 1/6.
 const DEPTH_OF_SOLID: f64 = 0.25;
@@ -74,84 +74,83 @@ impl std::fmt::Display for Why {
     }
 }
 
-/// A piece of the object to ask about.
+/// A part of the object to ask about.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct FollowUp {
-    /// Its index among the pieces.
-    pub piece: usize,
+    /// Its index among the parts.
+    pub part: usize,
     pub why: Why,
 }
 
-/// The pieces to ask about, the most worthwhile first.
+/// The parts to ask about, the most worthwhile first.
 pub fn follow_ups(recognition: &Recognition, regions: &[Region], library: &MaterialLibrary) -> Vec<FollowUp> {
     let regions: BTreeMap<u16, Region> = regions.iter().map(|region| (region.id, *region)).collect();
     let mut due = for_mass(recognition, &regions, library);
     let undecided = for_material(recognition, &regions);
-    let is_new = |of: &FollowUp| due.iter().all(|other| other.piece != of.piece);
+    let is_new = |of: &FollowUp| due.iter().all(|other| other.part != of.part);
     let undecided: Vec<FollowUp> = undecided.into_iter().filter(is_new).collect();
     due.extend(undecided);
     due
 }
 
 fn for_mass(recognition: &Recognition, regions: &BTreeMap<u16, Region>, library: &MaterialLibrary) -> Vec<FollowUp> {
-    let Recognition { hypotheses, pieces, .. } = recognition;
-    let Some(masses) = pieces.iter().map(|piece| masses(piece, regions, library)).collect::<Option<Vec<_>>>() else {
+    let Recognition { hypotheses, parts, .. } = recognition;
+    let Some(masses) = parts.iter().map(|part| masses(part, regions, library)).collect::<Option<Vec<_>>>() else {
         return Vec::new();
     };
-    let of_pieces: Vec<Moments> =
-        pieces.iter().zip(&masses).map(|(piece, of)| between(hypotheses, piece, of)).collect();
+    let of_parts: Vec<Moments> = parts.iter().zip(&masses).map(|(part, of)| between(hypotheses, part, of)).collect();
     let whole = stated(hypotheses);
-    let sum: f64 = of_pieces.iter().map(|of| of.mean).sum();
+    let sum: f64 = of_parts.iter().map(|of| of.mean).sum();
     if !(sum > 0.0 && whole.variance > 0.0) {
         return Vec::new();
     }
     let to_kg2 = (whole.mean / sum).powi(2);
-    let share = |piece: usize| of_pieces[piece].variance * to_kg2 / whole.variance;
-    let mut order: Vec<usize> = (0..pieces.len()).collect();
+    let share = |part: usize| of_parts[part].variance * to_kg2 / whole.variance;
+    let mut order: Vec<usize> = (0..parts.len()).collect();
     order.sort_by(|a, b| share(*b).total_cmp(&share(*a)));
-    let mut left: f64 = order.iter().map(|piece| share(*piece)).sum();
-    let is_due = |piece: &usize| {
+    let mut left: f64 = order.iter().map(|part| share(*part)).sum();
+    let is_due = |part: &usize| {
         let is_due = left >= LEFT_SHARE;
-        left -= share(*piece);
+        left -= share(*part);
         is_due
     };
     let due: Vec<usize> = order.into_iter().take_while(is_due).collect();
-    due.into_iter().map(|piece| FollowUp { piece, why: Why::Mass { variance_share: share(piece).min(1.0) } }).collect()
+    due.into_iter().map(|part| FollowUp { part, why: Why::Mass { variance_share: share(part).min(1.0) } }).collect()
 }
 
 fn for_material(recognition: &Recognition, regions: &BTreeMap<u16, Region>) -> Vec<FollowUp> {
-    let Recognition { hypotheses, pieces, .. } = recognition;
-    let undecided = |(piece, of): (usize, &Piece)| {
+    let Recognition { hypotheses, parts, .. } = recognition;
+    let undecided = |(part, of): (usize, &RecognizedPart)| {
         let probability = likeliest_family(hypotheses, of);
         let view_share = regions_of(of, regions).map(|region| region.view_share).fold(0.0, f64::max);
         let is_due = probability < DECIDED && view_share >= VISIBLE_SHARE;
-        is_due.then_some((view_share, FollowUp { piece, why: Why::Material { probability, view_share } }))
+        is_due.then_some((view_share, FollowUp { part, why: Why::Material { probability, view_share } }))
     };
-    let mut due: Vec<(f64, FollowUp)> = pieces.iter().enumerate().filter_map(undecided).collect();
+    let mut due: Vec<(f64, FollowUp)> = parts.iter().enumerate().filter_map(undecided).collect();
     due.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     due.into_iter().map(|(_, follow_up)| follow_up).collect()
 }
 
-fn likeliest_family(hypotheses: &[Hypothesis], piece: &Piece) -> f64 {
+fn likeliest_family(hypotheses: &[Hypothesis], part: &RecognizedPart) -> f64 {
     let mut of_family: BTreeMap<&str, f64> = BTreeMap::new();
     for (index, hypothesis) in hypotheses.iter().enumerate() {
-        for (choice, probability) in piece.choices.iter().zip(piece.probabilities(index)) {
+        for (choice, probability) in part.choices.iter().zip(part.probabilities(index)) {
             *of_family.entry(&choice.answer.family).or_default() += hypothesis.probability * probability;
         }
     }
     of_family.into_values().fold(0.0, f64::max)
 }
 
-fn regions_of<'a>(piece: &Piece, regions: &'a BTreeMap<u16, Region>) -> impl Iterator<Item = &'a Region> {
-    piece.numbers.iter().filter_map(|number| regions.get(number))
+fn regions_of<'a>(part: &RecognizedPart, regions: &'a BTreeMap<u16, Region>) -> impl Iterator<Item = &'a Region> {
+    part.numbers.iter().filter_map(|number| regions.get(number))
 }
 
-/// By choice, the mass of a piece up to a factor that all pieces have in common; `None` if the scale is unknown.
-fn masses(piece: &Piece, regions: &BTreeMap<u16, Region>, library: &MaterialLibrary) -> Option<Vec<f64>> {
+/// By choice, the mass of a part up to a factor that all parts have in common; `None` if the scale is unknown.
+fn masses(part: &RecognizedPart, regions: &BTreeMap<u16, Region>, library: &MaterialLibrary) -> Option<Vec<f64>> {
     let of_region =
         |answer: &Answer, region: &Region| Some(region.area_share * areal_density(answer, region.depth_m?, library));
-    let of_choice = |answer: &Answer| regions_of(piece, regions).map(|region| of_region(answer, region)).sum();
-    piece.choices.iter().map(|choice| of_choice(&choice.answer)).collect()
+    let of_choice = |answer: &Answer| regions_of(part, regions).map(|region| of_region(answer, region)).sum();
+    part.choices.iter().map(|choice| of_choice(&choice.answer)).collect()
 }
 
 /// The mass behind a square metre of surface, kg.
@@ -192,11 +191,11 @@ fn stated(hypotheses: &[Hypothesis]) -> Moments {
     Moments::of(hypotheses.iter().map(weighed))
 }
 
-/// Of a piece's mass between its choices, which have these masses.
-fn between(hypotheses: &[Hypothesis], piece: &Piece, masses: &[f64]) -> Moments {
+/// Of a part's mass between its choices, which have these masses.
+fn between(hypotheses: &[Hypothesis], part: &RecognizedPart, masses: &[f64]) -> Moments {
     let under = |(index, hypothesis): (usize, &Hypothesis)| {
         let probability = hypothesis.probability;
-        piece.probabilities(index).into_iter().zip(masses).map(move |(of, mass)| (probability * of, *mass, 0.0))
+        part.probabilities(index).into_iter().zip(masses).map(move |(of, mass)| (probability * of, *mass, 0.0))
     };
     Moments::of(hypotheses.iter().enumerate().flat_map(under))
 }
@@ -210,25 +209,29 @@ mod tests {
         Answer { form, ..Answer::of(MaterialLibrary::builtin().get(material).unwrap()) }
     }
 
-    /// A piece of the region `number` that may be any of these with these probabilities, whatever the object is.
-    fn piece(number: u16, choices: &[(&str, f64)]) -> Piece {
+    /// A part of the region `number` that may be any of these with these probabilities, whatever the object is.
+    fn part(number: u16, choices: &[(&str, f64)]) -> RecognizedPart {
         let wall = Form::Shell { wall_thickness_m: Range::new(0.001, 0.003) };
         let choice = |(material, probability): &(&str, f64)| Choice {
             under: vec![0, 1],
             probability: *probability,
             answer: answer(material, wall),
         };
-        Piece { numbers: vec![number], caption: "a piece".to_owned(), choices: choices.iter().map(choice).collect() }
+        RecognizedPart {
+            numbers: vec![number],
+            caption: "a part".to_owned(),
+            choices: choices.iter().map(choice).collect(),
+        }
     }
 
     /// An object that weighs 0.9 to 1.1 kg, or, with this probability, as much as this.
-    fn object(pieces: Vec<Piece>, other: f64, mass_kg: Range) -> Recognition {
+    fn object(parts: Vec<RecognizedPart>, other: f64, mass_kg: Range) -> Recognition {
         let hypothesis = |probability, mass_kg| Hypothesis { what: "an object".to_owned(), probability, mass_kg };
         Recognition {
             object: "an object".to_owned(),
             printed: None,
             hypotheses: vec![hypothesis(1.0 - other, Range::new(0.9, 1.1)), hypothesis(other, mass_kg)],
-            pieces,
+            parts,
             unnumbered: Vec::new(),
         }
     }
@@ -247,10 +250,10 @@ mod tests {
     #[test]
     fn the_piece_that_decides_the_mass_comes_first_and_what_matters_little_is_left() {
         let steel_or_plastic = [("steel, mild", 0.7), ("abs", 0.3)];
-        let pieces = vec![piece(1, SURE), piece(2, &steel_or_plastic), piece(3, &steel_or_plastic)];
-        let recognition = object(pieces, 0.0, Range::new(1.0, 1.0));
+        let parts = vec![part(1, SURE), part(2, &steel_or_plastic), part(3, &steel_or_plastic)];
+        let recognition = object(parts, 0.0, Range::new(1.0, 1.0));
         let order = |shares: [f64; 3]| -> Vec<usize> {
-            due(&recognition, &regions(shares, Some(0.05))).iter().map(|of| of.piece).collect()
+            due(&recognition, &regions(shares, Some(0.05))).iter().map(|of| of.part).collect()
         };
         assert_eq!(order([0.4, 0.25, 0.35]), [2, 1]);
         assert_eq!(order([0.4, 0.35, 0.25]), [1, 2]);
@@ -262,11 +265,11 @@ mod tests {
 
     #[test]
     fn a_mass_that_is_little_known_anyway_is_not_asked_for() {
-        let pieces = vec![piece(1, SURE), piece(2, &[("steel, mild", 0.9), ("brass, cartridge 70/30", 0.1)])];
+        let parts = vec![part(1, SURE), part(2, &[("steel, mild", 0.9), ("brass, cartridge 70/30", 0.1)])];
         let shares = regions([0.5, 0.5, 0.0], Some(0.05));
         let vague = Recognition {
             hypotheses: vec![Hypothesis { what: "a thing".into(), probability: 1.0, mass_kg: Range::new(0.2, 3.0) }],
-            ..object(pieces, 0.0, Range::new(1.0, 1.0))
+            ..object(parts, 0.0, Range::new(1.0, 1.0))
         };
         assert!(due(&vague, &shares).is_empty());
     }
@@ -274,9 +277,9 @@ mod tests {
     #[test]
     fn what_is_improbable_is_not_asked_about() {
         let imitation = |probability: f64| {
-            let mut piece = piece(1, &[("steel, mild", 1.0), ("abs", 1.0)]);
-            (piece.choices[0].under, piece.choices[1].under) = (vec![0], vec![1]);
-            due(&object(vec![piece], probability, Range::new(0.1, 0.2)), &regions([1.0, 0.0, 0.0], Some(0.05)))
+            let mut part = part(1, &[("steel, mild", 1.0), ("abs", 1.0)]);
+            (part.choices[0].under, part.choices[1].under) = (vec![0], vec![1]);
+            due(&object(vec![part], probability, Range::new(0.1, 0.2)), &regions([1.0, 0.0, 0.0], Some(0.05)))
         };
         assert!(imitation(0.04).is_empty());
         assert_eq!(imitation(0.2).len(), 1);
@@ -286,9 +289,9 @@ mod tests {
     fn an_undecided_material_is_asked_about_if_it_is_visible() {
         let glass_or_plastic = [("pc", 0.6), ("soda-lime glass, float", 0.4)];
         let asked = |choices: &[(&str, f64)], share: f64| {
-            let recognition = object(vec![piece(1, SURE), piece(2, choices)], 0.0, Range::new(1.0, 1.0));
+            let recognition = object(vec![part(1, SURE), part(2, choices)], 0.0, Range::new(1.0, 1.0));
             let due = due(&recognition, &regions([1.0 - share, share, 0.0], None));
-            due.first().map(|of| (of.piece, of.why))
+            due.first().map(|of| (of.part, of.why))
         };
         assert_eq!(asked(&glass_or_plastic, 0.04), Some((1, Why::Material { probability: 0.6, view_share: 0.04 })));
         assert_eq!(asked(&glass_or_plastic, 0.02), None, "too small");

@@ -9,8 +9,8 @@ use crate::query::ask::budget::Budget;
 use crate::query::ask::follow_up::{self, FollowUp};
 use crate::query::ask::rounds::{Subject, SubjectInView};
 use crate::query::{
-    Alternative, Answer, Answers, DirectGuess, ObjectAnswers, Outcome, PartQuestion, Piece, Queries, QueryError,
-    Recognition, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
+    Alternative, Answer, Answers, DirectGuess, ObjectAnswers, Outcome, PartQuestion, Queries, QueryError, Recognition,
+    RecognizedPart, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
 };
 use crate::words::progress;
 
@@ -63,7 +63,7 @@ impl QuerySession<'_> {
         let recognition = recognition.map(|answer| self.with_follow_ups(answer, begin, asker, &budget)).transpose()?;
         let recognized = recognition.as_ref().and_then(|answer| answer.outcome.answered());
         let answers = match recognized {
-            Some(recognized) => self.of_pieces(recognized),
+            Some(recognized) => self.of_parts(recognized),
             None => self.of_subjects(begin, asker, &budget)?,
         };
         let spent = budget.spent();
@@ -101,8 +101,8 @@ impl QuerySession<'_> {
             None => round.recorded(&self.recordings, None),
         };
         let by_place: BTreeMap<SubjectInView, Option<Outcome>> = places.into_iter().zip(outcomes).collect();
-        let questions = due.0.into_iter().map(|(FollowUp { piece, why }, place)| PartQuestion {
-            piece,
+        let questions = due.0.into_iter().map(|(FollowUp { part, why }, place)| PartQuestion {
+            part,
             view: self.views[place.view].name.to_owned(),
             subject: SubjectId::of(self.about, place.id),
             why,
@@ -116,16 +116,16 @@ impl QuerySession<'_> {
     pub(super) fn follow_ups(&self, recognition: &Recognition) -> FollowUps {
         let follow_ups = follow_up::follow_ups(recognition, &self.regions, &self.library);
         let placed = follow_ups.into_iter().filter_map(|of| {
-            let place = self.largest_place(&recognition.pieces[of.piece])?;
+            let place = self.largest_place(&recognition.parts[of.part])?;
             Some((of, place))
         });
         FollowUps(placed.take(self.options.max_questions).collect())
     }
 
-    /// The largest part or piece of one that belongs to a piece of the object, in the view that shows it best; `None` if no view
+    /// The largest part or piece of one that belongs to a recognised part of the object, in the view that shows it best; `None` if no view
     /// shows any.
-    fn largest_place(&self, piece: &Piece) -> Option<SubjectInView> {
-        let belongs = |id: u16| piece.numbers.contains(&id);
+    fn largest_place(&self, part: &RecognizedPart) -> Option<SubjectInView> {
+        let belongs = |id: u16| part.numbers.contains(&id);
         let is_its = |region: &&Subject| match region.pieces.as_slice() {
             _ if region.views.is_empty() => false,
             [] => belongs(region.id),
@@ -188,23 +188,23 @@ impl QuerySession<'_> {
         Answers::new(outcomes.into_iter().map(answer).collect())
     }
 
-    /// The most probable way in which each piece of the object may be made, as an answer about its first region in the view that
+    /// The most probable way in which each part of the object may be made, as an answer about its first region in the view that
     /// shows it best; its confidence is its probability.
-    fn of_pieces(&self, recognized: &ObjectAnswers) -> Answers {
+    fn of_parts(&self, recognized: &ObjectAnswers) -> Answers {
         let alternatives = recognized.alternatives();
         let probabilities = recognized.probabilities(&alternatives);
-        let answered = |(piece, (of, probabilities)): (&Piece, (&Vec<Alternative>, &Vec<f64>))| {
+        let answered = |(part, (of, probabilities)): (&RecognizedPart, (&Vec<Alternative>, &Vec<f64>))| {
             let best = (0..of.len()).rev().max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]))?;
             let answer = Answer { confidence: probabilities[best], ..of[best].answer.clone() };
-            Some((self.best_place(piece)?, Outcome::Answered(answer)))
+            Some((self.best_place(part)?, Outcome::Answered(answer)))
         };
-        let pieces = recognized.recognition.pieces.iter().zip(alternatives.iter().zip(&probabilities));
-        self.named(pieces.filter_map(answered).collect())
+        let parts = recognized.recognition.parts.iter().zip(alternatives.iter().zip(&probabilities));
+        self.named(parts.filter_map(answered).collect())
     }
 
-    /// The first region of a piece in the view that shows it best; `None` if no view shows it.
-    fn best_place(&self, piece: &Piece) -> Option<SubjectInView> {
-        let id = *piece.numbers.first()?;
+    /// The first region of a part in the view that shows it best; `None` if no view shows it.
+    fn best_place(&self, part: &RecognizedPart) -> Option<SubjectInView> {
+        let id = *part.numbers.first()?;
         let view = *self.regions_asked().filter(|region| region.id == id).find_map(|region| region.views.first())?;
         Some(SubjectInView { view, id })
     }
