@@ -10,6 +10,7 @@ use crate::words::readable::significant;
 /// Why a grasp is not safe, in words.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Infeasible {
     pub reason: Reason,
     /// The numbers that do not fit together.

@@ -12,6 +12,7 @@ use crate::vote::FieldPart;
 /// The numbers that go into the formulas.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Inputs {
     /// Of the whole object: the sum of rho_i V_i.
     pub mass_kg: Estimate,
@@ -40,6 +41,7 @@ pub struct Inputs {
 /// The forces that follow from the bounds of the inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Intervals {
     pub f_min_n: Estimate,
     pub f_max_n: Estimate,

@@ -164,8 +164,12 @@ impl Objects {
     pub fn text(&self) -> String {
         let mut text = format!("{}: {}\n", self.name, counted(self.objects.len(), "object"));
         for object in &self.objects {
-            text +=
-                &format!("{:<10} {:>9} Gaussians, {}", object.name, thousands(object.gaussians as u64), object.sight());
+            text += &format!(
+                "{:<10} {:>9} Gaussians, {}",
+                object.name,
+                thousands(object.gaussians as u64),
+                object.seen_in_words()
+            );
             if let Some(caption) = &object.caption {
                 text += &format!("; {caption}");
             }
@@ -183,7 +187,7 @@ impl Objects {
 
 impl Object {
     /// In how many photos it is seen, and how much of it is hidden there.
-    fn sight(&self) -> String {
+    fn seen_in_words(&self) -> String {
         format!("in {}, {:.0} % hidden", counted(self.photos, "photo"), 100.0 * self.hidden)
     }
 }

@@ -111,6 +111,7 @@ impl Parts {
 /// The whole object with its fillings. It has a volume; without one there is no result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Object {
     pub volume_m3: Estimate,
     pub mass_kg: Estimate,
@@ -126,6 +127,7 @@ pub struct Object {
 /// What is believed of the object. Written as `belief` into `parts.json`.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct ObjectBelief {
     /// What it may be, in the model's order.
     pub hypotheses: Vec<BelievedHypothesis>,
@@ -150,6 +152,7 @@ impl ObjectBelief {
 /// A hypothesis before and after the evidence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct BelievedHypothesis {
     pub what: String,
     /// What the model said.
@@ -164,6 +167,7 @@ pub struct BelievedHypothesis {
 /// The ways in which a part may be made.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct BelievedPart {
     /// The part id.
     pub id: u32,
@@ -179,6 +183,7 @@ pub struct BelievedPart {
 /// A question about a part by itself that followed the one about the object.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct AskedPart {
     /// The view in which it was asked about.
     pub view: String,
@@ -197,6 +202,7 @@ impl AskedPart {
 /// One way in which a part may be made, before and after the evidence.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct BelievedChoice {
     /// Name of the library row.
     pub material: String,
@@ -213,6 +219,7 @@ pub struct BelievedChoice {
 /// Something that no part shows.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct BelievedThing {
     pub what: String,
     pub stated_probability: f64,
@@ -244,6 +251,7 @@ impl fmt::Display for NoVolume {
 /// One part. What follows from a volume is `None` if it has none.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Part {
     /// The part id, as in the questions; also its value of `part_label` in `field.ply`. The bodies of a part that are
     /// written as parts have the same.
@@ -340,6 +348,7 @@ fn moments(bodies: &[Part]) -> Option<([f64; 3], [[f64; 3]; 3])> {
 /// A connected body of a part.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PartBody {
     pub volume_m3: f64,
     pub mass_kg: f64,
@@ -350,6 +359,7 @@ pub struct PartBody {
 /// The filling of a shell, as an entry of its own.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Filling {
     /// The `id` of the shell.
     pub inside_of: u32,
@@ -375,6 +385,7 @@ pub struct Filling {
 /// The share of one cause in the width of a mass.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Width {
     pub source: Source,
     /// The interval of the mass if only this were uncertain.
@@ -395,6 +406,7 @@ impl Width {
 /// One reading of a kitchen scale.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct KnownMass {
     pub reading_kg: f64,
     /// Half-width of its 90 % interval.

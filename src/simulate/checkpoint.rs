@@ -24,6 +24,7 @@ const WORDS: usize = 42;
 /// A frame in numbers.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct FrameSummary {
     pub t_s: f64,
     /// World frame.

@@ -106,6 +106,7 @@ impl From<&FieldPart> for Material {
 /// A material softened to allow longer time steps.
 #[derive(Debug, Clone, PartialEq, Serialize, serde::Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Softened {
     pub material: String,
     /// Factor by which Young's modulus and strength were multiplied.
@@ -115,6 +116,7 @@ pub struct Softened {
 /// A material whose Poisson's ratio was lowered to [`POISSON_CAP`], 0.45.
 #[derive(Debug, Clone, PartialEq, Serialize, serde::Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct PoissonCapped {
     pub material: String,
     pub from: f64,

@@ -104,6 +104,7 @@ pub struct Correction {
 /// A correction of a part, and what the answers say instead.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Corrected {
     pub to: Correction,
     pub answered: Answered,

@@ -217,6 +217,7 @@ pub enum Contents {
 /// The filling of a shell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
 pub struct Filled {
     /// Name of a row of `fillings.csv`.
     pub filling: String,

@@ -7,11 +7,13 @@ use gprop::materials::Law;
 use gprop::parts::{Options, Parts, Source, parts};
 use gprop::query::Form;
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
-use gprop::vote::{Contents, Filled, MaterialField};
+use gprop::vote::{Contents, MaterialField};
 use gprop::words::progress::Progress;
 use nalgebra::Point3;
+use serde_json::json;
 
 use super::clouds::{Cloud, cameras};
+use crate::support::changed;
 
 /// A scene unit of 0.5 m, so that a confusion of the two is noticed.
 const SCALE: MetricScale =
@@ -24,14 +26,15 @@ const CENTER_M: [f64; 3] = [0.05, -0.025, 0.01];
 const VOLUME_ERROR: f64 = 0.04;
 
 fn filling(density_kg_m3: f64, share: Estimate) -> Contents {
-    Contents::Filled(Filled {
-        filling: "water".to_owned(),
-        share,
-        density_kg_m3: Estimate::new(0.9 * density_kg_m3, density_kg_m3, 1.1 * density_kg_m3),
-        youngs_modulus_pa: Estimate::exactly(1e6),
-        poisson_ratio: Estimate::exactly(0.4),
-        law: Law::Fluid,
-    })
+    let filled = json!({
+        "filling": "water",
+        "share": share,
+        "density_kg_m3": Estimate::new(0.9 * density_kg_m3, density_kg_m3, 1.1 * density_kg_m3),
+        "youngs_modulus_pa": Estimate::exactly(1e6),
+        "poisson_ratio": Estimate::exactly(0.4),
+        "law": Law::Fluid,
+    });
+    Contents::Filled(serde_json::from_value(filled).unwrap())
 }
 
 /// A hollow ball with a wall of 1000 kg/m3.
@@ -222,7 +225,8 @@ fn after_a_weighing_no_single_source_is_wider_than_all() {
 fn a_material_or_filling_may_be_named_like_a_part() {
     let named = |name: &str| {
         let Contents::Filled(filled) = filling(1000.0, Estimate::new(0.5, 0.8, 0.9)) else { unreachable!() };
-        ball(Contents::Filled(Filled { filling: name.to_owned(), ..filled }), &Options::default()).object
+        let filled = changed(filled, |filled| filled.filling = name.to_owned());
+        ball(Contents::Filled(filled), &Options::default()).object
     };
     assert_eq!(named("0"), named("water"));
 

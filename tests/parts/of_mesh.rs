@@ -9,7 +9,8 @@ use gprop::query::Form;
 use gprop::scene::mesh::solid::Measured;
 use gprop::scene::mesh::{Face, Material, Mesh, PaintedMesh, Triangles, sample};
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
-use gprop::vote::{Contents, FieldPart, Filled, MaterialField};
+use gprop::vote::{Contents, FieldPart, MaterialField};
+use serde_json::json;
 
 use super::clouds::label;
 use crate::scene::shapes::{cuboid, joined, reversed, revolved, sphere};
@@ -193,14 +194,15 @@ fn parts_share_the_volume_of_the_mesh() {
 #[test]
 fn a_filling_is_weighed_if_the_mesh_has_the_outside_alone() {
     let mut full = label(1, wall(0.01));
-    full.inside = Some(Contents::Filled(Filled {
-        filling: "water".to_owned(),
-        share: Estimate::exactly(1.0),
-        density_kg_m3: Estimate::exactly(1000.0),
-        youngs_modulus_pa: Estimate::exactly(1e6),
-        poisson_ratio: Estimate::exactly(0.49),
-        law: Law::Elastic,
-    }));
+    let filled = json!({
+        "filling": "water",
+        "share": Estimate::exactly(1.0),
+        "density_kg_m3": Estimate::exactly(1000.0),
+        "youngs_modulus_pa": Estimate::exactly(1e6),
+        "poisson_ratio": Estimate::exactly(0.49),
+        "law": Law::Elastic,
+    });
+    full.inside = Some(Contents::Filled(serde_json::from_value(filled).unwrap()));
     let weighed = |mesh: &Triangles| Sampled::of(mesh).parts(&options(), vec![full.clone()], |_| 0);
     let ball = |radius: f64| sphere([0.0; 3], radius, AROUND);
     assert_weighs(weighed(&ball(1.0)).object.mass_kg, 4.0 / 3.0 * PI);
