@@ -157,14 +157,17 @@ impl Flat {
     /// The weights of the corners in the picture at this place, which sum to one and of which none is negative inside, and
     /// one over the depth there, which is linear in the picture.
     fn at(&self, x: f64, y: f64) -> ([f64; 3], f64) {
+        self.row(y).at(x)
+    }
+
+    fn row(&self, y: f64) -> FlatRow<'_> {
         let [a, b, c] = &self.corners;
-        let edge = |from: &Corner, to: &Corner| {
-            ((to.x - from.x) * (y - from.y) - (to.y - from.y) * (x - from.x)) * self.inverse_double_area
+        let edge = |from: &Corner, to: &Corner| RowEdge {
+            start_x: from.x,
+            start: (to.x - from.x) * (y - from.y),
+            slope: to.y - from.y,
         };
-        let weights = [edge(b, c), edge(c, a), edge(a, b)];
-        let inverse_depth =
-            weights.iter().zip(&self.corners).map(|(weight, corner)| weight * corner.inverse_depth).sum();
-        (weights, inverse_depth)
+        FlatRow { flat: self, edges: [edge(b, c), edge(c, a), edge(a, b)] }
     }
 
     /// The point of the surface that is seen there: its shares follow from the weights in the picture by perspective.
@@ -172,6 +175,44 @@ impl Flat {
         let (weights, inverse_depth) = self.at(x, y);
         let share = |corner: usize| weights[corner] * self.corners[corner].inverse_depth / inverse_depth;
         SurfacePoint { triangle: self.index, barycentric: [share(0), share(1), share(2)] }
+    }
+}
+
+/// A triangle along a row of the picture.
+struct FlatRow<'a> {
+    flat: &'a Flat,
+    /// Those opposite of the corners.
+    edges: [RowEdge; 3],
+}
+
+/// Twice the signed area between an edge and a point of the row at x: `start - slope * (x - start_x)`.
+struct RowEdge {
+    start_x: f64,
+    start: f64,
+    slope: f64,
+}
+
+impl FlatRow<'_> {
+    fn at(&self, x: f64) -> ([f64; 3], f64) {
+        let weight = |edge: &RowEdge| (edge.start - edge.slope * (x - edge.start_x)) * self.flat.inverse_double_area;
+        let weights = [weight(&self.edges[0]), weight(&self.edges[1]), weight(&self.edges[2])];
+        let inverse_depth =
+            weights.iter().zip(&self.flat.corners).map(|(weight, corner)| weight * corner.inverse_depth).sum();
+        (weights, inverse_depth)
+    }
+
+    /// Where along the row no weight is negative, up to rounding.
+    fn inside(&self) -> [f64; 2] {
+        let mut inside = [f64::NEG_INFINITY, f64::INFINITY];
+        for edge in &self.edges {
+            let root = edge.start_x + edge.start / edge.slope;
+            match edge.slope * self.flat.inverse_double_area {
+                falling if falling > 0.0 => inside[1] = inside[1].min(root),
+                falling if falling < 0.0 => inside[0] = inside[0].max(root),
+                _ => {}
+            }
+        }
+        inside
     }
 }
 
@@ -219,14 +260,16 @@ impl Band {
         let rows = samples_between([a.y, b.y, c.y], self.first_row * SAMPLES, self.rows * SAMPLES);
         for row in rows {
             let y = place(self.first_row * SAMPLES + row);
-            for column in columns.clone() {
-                let (weights, inverse_depth) = flat.at(place(column), y);
+            let flat_row = flat.row(y);
+            // What rounding may hide lies within a sample of the roots.
+            let [low, high] = flat_row.inside().map(|x| (x * SAMPLES as f64).clamp(0.0, across as f64));
+            let first = columns.start.max((low as usize).saturating_sub(2));
+            for column in first..columns.end.min(high as usize + 2) {
+                let x = place(column);
+                let (weights, inverse_depth) = flat_row.at(x);
                 let sample = row * across + column;
                 let is_inside = weights.iter().all(|weight| *weight >= 0.0);
-                if is_inside
-                    && inverse_depth as f32 > self.inverse_depths[sample]
-                    && is_there(&flat.point(place(column), y))
-                {
+                if is_inside && inverse_depth as f32 > self.inverse_depths[sample] && is_there(&flat.point(x, y)) {
                     self.inverse_depths[sample] = inverse_depth as f32;
                     self.triangles[sample] = flat.index;
                 }
