@@ -46,7 +46,7 @@ fn bench(criterion: &mut Criterion) {
     let scale = MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance, range: None };
     let options = parts::Options::default();
     let measure_as = |gaussians: &Gaussians, field: &MaterialField| {
-        parts(gaussians, field, &cameras, Some(&scale), &options, Progress::Hidden).expect("a hammer has parts")
+        parts(gaussians, field, &cameras, Some(&scale), &options, Progress::HIDDEN).expect("a hammer has parts")
     };
     let measure = || measure_as(&scene.gaussians, &field);
     let mut group = criterion.benchmark_group("parts");

@@ -81,7 +81,7 @@ fn bench(criterion: &mut Criterion) {
     }
     criterion.bench_function("query/replay of 8 segments", |bencher| {
         bencher.iter(|| {
-            queries.run(&recordings, None, &Budget::new(None, None), Progress::Hidden).expect("all is recorded")
+            queries.run(&recordings, None, &Budget::new(None, None), Progress::HIDDEN).expect("all is recorded")
         });
     });
 }

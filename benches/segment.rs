@@ -55,7 +55,7 @@ fn without_models(criterion: &mut Criterion) {
 }
 
 fn with_models(criterion: &mut Criterion) {
-    let files = match setup::obtain(&setup::Options::default(), Progress::Hidden) {
+    let files = match setup::obtain(&setup::Options::default(), Progress::HIDDEN) {
         Ok(files) => files,
         Err(error) => return eprintln!("skipped encode and decode: {error}"),
     };

@@ -120,7 +120,7 @@ fn account(gaussians: &Gaussians, cameras: &[Camera], views: &[VotingView], answ
         let options = Options { vote: rule, ..Options::default() };
         let start = Instant::now();
         let field =
-            vote(gaussians, views, answers, MaterialLibrary::builtin(), &options, Progress::Hidden).expect("votes");
+            vote(gaussians, views, answers, MaterialLibrary::builtin(), &options, Progress::HIDDEN).expect("votes");
         let seconds = start.elapsed().as_secs_f64();
         let most = memory("VmHWM").zip(before).map_or(f64::NAN, |(most, before)| (most - before) / COUNT as f64);
         let seen = field.views.iter().filter(|&&views| views > 0).count();
@@ -150,7 +150,7 @@ fn draw_and_vote(criterion: &mut Criterion) {
         let options = Options { vote: rule, ..Options::default() };
         group.bench_function(format!("2 views by {rule:?}"), |bencher| {
             bencher
-                .iter(|| vote(&gaussians, &views[..2], &answers, library, &options, Progress::Hidden).expect("votes"));
+                .iter(|| vote(&gaussians, &views[..2], &answers, library, &options, Progress::HIDDEN).expect("votes"));
         });
     }
     group.finish();

@@ -164,4 +164,4 @@ pub mod workdir;
 pub use cli::{command, main};
 pub use error::{Error, ErrorKind};
 pub use pipeline::{Builder, Options, Pipeline, Plan, Preset, Stage};
-pub use words::progress::{CancelToken, Event, Progress, StageNumber};
+pub use words::progress::{CancelToken, Event, ShowProgress, StageNumber};

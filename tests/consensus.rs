@@ -93,7 +93,7 @@ fn plate_in_every_other_view(gaussians: &Gaussians, cameras: &[Camera], labels: 
 fn found(gaussians: &Gaussians, cameras: &[Camera], segments: &[ViewSegments]) -> Parts {
     let views = cameras.iter().zip(segments);
     let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, cloud: gaussians, segments }).collect();
-    find(gaussians, &views, Progress::Hidden)
+    find(gaussians, &views, Progress::HIDDEN)
 }
 
 fn parts(parts: &Parts) -> usize {

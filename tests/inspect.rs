@@ -35,7 +35,7 @@ fn half_a_box(folder: &Path) -> Options {
 }
 
 pub fn inspected(folder: &Path, options: &Options) -> Inspection {
-    inspect(folder, options, Progress::Hidden).unwrap()
+    inspect(folder, options, Progress::HIDDEN).unwrap()
 }
 
 /// Every fourth Gaussian of the fixture at twice its size, so that they still cover the object: the faults are found

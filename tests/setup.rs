@@ -64,7 +64,7 @@ impl Machine {
     }
 
     fn obtain(&self, options: &Options) -> Result<ModelFiles, SetupError> {
-        obtain_in(options, &self.environment, Progress::Hidden)
+        obtain_in(options, &self.environment, Progress::HIDDEN)
     }
 
     fn failure(&self, options: &Options) -> String {

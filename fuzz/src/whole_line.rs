@@ -46,13 +46,13 @@ pub fn whole_line(bytes: &[u8]) {
     ply::write(&mut file, &changed, &[]).expect("memory takes everything");
     let Ok(loaded) = ply::parse(&file) else { return };
     let mut gaussians = loaded.gaussians;
-    if outliers::set_aside(&mut gaussians, Progress::Hidden).is_err() {
+    if outliers::set_aside(&mut gaussians, Progress::HIDDEN).is_err() {
         return;
     }
     let names: Vec<String> = (0..ball.cameras.len()).map(|view| view.to_string()).collect();
     let views = names.iter().zip(&ball.cameras).zip(&ball.maps);
     let views: Vec<_> = views.map(|((name, camera), map)| VotingView { name, camera, map }).collect();
-    let (library, hidden) = (MaterialLibrary::builtin(), Progress::Hidden);
+    let (library, hidden) = (MaterialLibrary::builtin(), Progress::HIDDEN);
     let Ok(field) = vote(&gaussians, &views, &ball.answers, library, &vote::Options::default(), hidden) else { return };
     let scale =
         MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };

@@ -56,7 +56,7 @@ impl<'a> BatchQuestions<'a> {
     ) -> Result<Self> {
         let (key, network) =
             (ApiKey::from_environment(&options.query).map_err(ClientError::from)?, options.setup.network());
-        let client = Client::new(&options.query, key, network, Progress::Hidden)?.ok_or(ClientError::NoUrl)?;
+        let client = Client::new(&options.query, key, network, Progress::HIDDEN)?.ok_or(ClientError::NoUrl)?;
         let budget = query::ask::budget::Budget::new(session::price(&options.query)?, options.query.max_usd);
         let lock = Ledger::open(&batch.home(), batch.shard())?;
         Ok(Self { batch, client, answers: options.query.answers, budget, options_of, _lock: lock })

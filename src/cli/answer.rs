@@ -19,7 +19,7 @@ use crate::query::session::{ForPerson, QuerySession};
 use crate::scene::ScaleChoice;
 use crate::units::Estimate;
 use crate::words::output::{agreeing, counted, one_line, tell};
-use crate::words::progress::{CancelToken, Progress};
+use crate::words::progress::{CancelToken, ShowProgress};
 use crate::words::readable::{Figures, mass};
 
 use super::{AnswerArgs, Global, is_picture, print, scene};
@@ -61,7 +61,7 @@ pub fn answer(global: &Global, args: &AnswerArgs) -> Result<()> {
     scene::open(global, folder, work, Stage::Consensus, true)?.run()?;
     let cancel = CancelToken::default();
     let builder = scene::builder(global, folder, work, Stage::Consensus)?;
-    let builder = builder.options(by_person(&work.options)).progress(Progress::Hidden).cancel_with(&cancel);
+    let builder = builder.options(by_person(&work.options)).progress(ShowProgress::Hidden).cancel_with(&cancel);
     let mut pipeline = builder.open()?;
     pipeline.run()?;
     let server = LocalServer::start(args.port, Site::default(), cancel)

@@ -39,7 +39,7 @@ use crate::pipeline::{self, OBJECT, Preset, Stage, THREADS, flags_of_scene, know
 use crate::scene::ObjectChoice;
 use crate::scene::mesh::is_mesh;
 use crate::words::output;
-use crate::words::progress::Progress;
+use crate::words::progress::{Progress, ShowProgress};
 use crate::{config, exit, export};
 use arguments::{
     AnswerArgs, BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs,
@@ -373,10 +373,14 @@ fn shown(path: &Path) -> String {
 
 impl Global {
     fn progress(&self) -> Progress<'static> {
+        self.show_progress().into()
+    }
+
+    fn show_progress(&self) -> ShowProgress {
         match (self.quiet, io::stderr().is_terminal()) {
-            (true, _) => Progress::Hidden,
-            (false, true) => Progress::Shown(None),
-            (false, false) => Progress::Lines(None),
+            (true, _) => ShowProgress::Hidden,
+            (false, true) => ShowProgress::Bars,
+            (false, false) => ShowProgress::Lines,
         }
     }
 }

@@ -231,7 +231,7 @@ pub fn builder(global: &Global, folder: &Path, work: &WorkArgs, to: Stage) -> Re
 }
 
 fn builder_with(global: &Global, folder: &Path, out: Option<&Path>, options: &Options, plan: Plan) -> Builder {
-    let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.progress());
+    let builder = Pipeline::builder(folder).options(options.clone()).plan(plan).progress(global.show_progress());
     let builder = if global.is_in_batch { builder.on_progress(batch::tell_the_batch) } else { builder };
     let builder = if global.for_mcp { builder.on_progress(mcp::tell_the_server) } else { builder };
     let builder = match out {

@@ -36,7 +36,7 @@ pub fn misfit(scene: &Scene, views: &[View]) -> Result<Option<String>, SceneErro
             format!("the object's outlines in the photos and in the splat overlap by only {:.0} %", 100.0 * iou)
         }
         Some(_) => return Ok(None),
-        None => match verdict::of(scene, &few, &[], Progress::Hidden)? {
+        None => match verdict::of(scene, &few, &[], Progress::HIDDEN)? {
             Some(verdict) if verdict.correlation < LEAST_CORRELATION => {
                 format!("photos and splat differ: their correlation is only {:.2}", verdict.correlation)
             }

@@ -8,7 +8,7 @@ use super::stages::{OpenScene, Stage, Tools, shared_scale};
 use super::{Options, Pipeline, Plan, work_folder_of};
 use crate::error::{Error, Result};
 use crate::vote::{self, VoteError};
-use crate::words::progress::{CancelToken, Event, Progress, Watcher};
+use crate::words::progress::{CancelToken, Event, ShowProgress, Watcher};
 use crate::workdir::WorkDir;
 
 /// Settings for opening a [`Pipeline`]; from [`Pipeline::builder`].
@@ -56,8 +56,8 @@ impl Builder {
     }
 
     /// The progress shown on stderr while stages run; by default only warnings, which go to `tracing`.
-    pub fn progress(self, progress: Progress<'static>) -> Self {
-        Self { watcher: Watcher { shown: progress, ..self.watcher }, ..self }
+    pub fn progress(self, shown: ShowProgress) -> Self {
+        Self { watcher: Watcher { shown, ..self.watcher }, ..self }
     }
 
     /// Calls `listener` at each step while stages run, from any thread.
@@ -89,7 +89,7 @@ impl Builder {
 fn load(folder: &Path, out: Option<&Path>, options: Options, watcher: Watcher) -> Result<OpenScene> {
     options.check()?;
     shared_scale::check(&options)?;
-    let scene = crate::scene::load_with_progress(folder, &options.scene, Progress::Watched(&watcher, None))?;
+    let scene = crate::scene::load_with_progress(folder, &options.scene, watcher.progress(None))?;
     let tools = Tools::load(&options)?;
     vote::check_materials(&options.vote.correct, &tools.library).map_err(VoteError::from)?;
     crate::simulate::script_of(&options.simulate)?;

@@ -18,7 +18,7 @@ use crate::scene::{ScaleChoice, SceneError};
 use crate::setup;
 use crate::units::MetricScale;
 use crate::vote::MaterialField;
-use crate::words::progress::{Progress, Watcher};
+use crate::words::progress::{Progress, ShowProgress, Watcher};
 use crate::words::shell;
 use crate::workdir::{self, Artifact, Standing, WorkDir, WorkDirError};
 
@@ -86,7 +86,7 @@ impl StoredRun {
     /// If they are not what gprop wrote.
     pub fn field(&self) -> Result<(Gaussians, MaterialField)> {
         let (mut gaussians, field) = stored_field(self.work.root())?;
-        outliers::set_aside(&mut gaussians, Progress::Hidden).map_err(SceneError::from)?;
+        outliers::set_aside(&mut gaussians, Progress::HIDDEN).map_err(SceneError::from)?;
         Ok((gaussians, field))
     }
 
@@ -213,15 +213,16 @@ pub fn open(
     out: Option<&Path>,
     allow_read: &[PathBuf],
     last: Stage,
-    progress: Progress<'static>,
+    shown: ShowProgress,
 ) -> Result<OpenScene> {
     let plan = Plan::to(last);
     let stored = StoredRun::open(folder, out, &plan.stages().collect::<Vec<_>>())?;
     let options = stored.options(folder, out.is_some(), allow_read)?;
-    let scene = crate::scene::load_with_progress(folder, &options.scene, progress).map_err(SceneError::without_flag)?;
+    let scene =
+        crate::scene::load_with_progress(folder, &options.scene, shown.into()).map_err(SceneError::without_flag)?;
     let tools = Tools::load(&options)?;
     let StoredRun { work, record, command } = stored;
-    let open = OpenScene::new(folder, work, scene, tools, options, Watcher { shown: progress, ..Watcher::default() })?;
+    let open = OpenScene::new(folder, work, scene, tools, options, Watcher { shown, ..Watcher::default() })?;
     let key = stages::scene::key(&open)?;
     if record.of(Stage::Scene).is_none_or(|done| done.key != key) {
         let (path, problem) = (open.work.root().to_owned(), "the scene's files have changed since that run".to_owned());

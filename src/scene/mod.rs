@@ -193,7 +193,7 @@ impl Scene {
 /// # Errors
 /// [`SceneError`], which says what is missing or broken, where, and what to do.
 pub fn load(folder: &Path, options: &Options) -> Result<Scene, SceneError> {
-    load_with_progress(folder, options, Progress::Hidden)
+    load_with_progress(folder, options, Progress::HIDDEN)
 }
 
 /// As [`load`], showing the progress of what takes seconds in a large scene.

@@ -125,7 +125,7 @@ mod tests {
 
     #[test]
     fn the_bar_only_moves_forwards_and_ends_full() {
-        let tally = Tally::new(Progress::Hidden, 2);
+        let tally = Tally::new(Progress::HIDDEN, 2);
         let mut positions = Vec::new();
         for late in [0, 7] {
             let view = tally.view();

@@ -18,16 +18,23 @@ static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
 /// Interval between log lines about a wait that has not ended.
 const REMINDER: Duration = Duration::from_secs(30);
 
-/// How progress is shown, and to which stage of a run it belongs.
-#[derive(Debug, Clone, Copy)]
-pub enum Progress<'a> {
+/// How progress is shown on stderr.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum ShowProgress {
     /// Bars and lines, for a terminal.
-    Shown(Option<StageNumber>),
+    Bars,
     /// Lines only, for a log.
-    Lines(Option<StageNumber>),
+    Lines,
+    #[default]
     Hidden,
-    /// As the watcher shows it; it is also told, and may cancel the run.
-    Watched(&'a Watcher, Option<StageNumber>),
+}
+
+/// How the progress of some work is shown, to which stage of a run it belongs, and who watches the run.
+#[derive(Debug, Clone, Copy)]
+pub struct Progress<'a> {
+    pub shown: ShowProgress,
+    stage: Option<StageNumber>,
+    watcher: Option<&'a Watcher>,
 }
 
 /// A stage's place among those of a run.
@@ -78,17 +85,11 @@ pub struct Cancelled;
 pub type Listener = Arc<dyn Fn(&Event) + Send + Sync>;
 
 /// Follows a run: shows its progress, passes it to a listener, and can cancel it.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Watcher {
-    pub shown: Progress<'static>,
+    pub shown: ShowProgress,
     pub listener: Option<Listener>,
     pub cancel: CancelToken,
-}
-
-impl Default for Watcher {
-    fn default() -> Self {
-        Self { shown: Progress::Hidden, listener: None, cancel: CancelToken::default() }
-    }
 }
 
 impl fmt::Debug for Watcher {
@@ -100,6 +101,11 @@ impl fmt::Debug for Watcher {
 }
 
 impl Watcher {
+    /// The progress of a stage of the run, or of other work for it.
+    pub fn progress(&self, stage: Option<StageNumber>) -> Progress<'_> {
+        Progress { shown: self.shown, stage, watcher: Some(self) }
+    }
+
     fn tell(&self, event: &Event) {
         if let Some(listener) = &self.listener {
             listener(event);
@@ -107,7 +113,7 @@ impl Watcher {
     }
 }
 
-/// A progress bar, which is drawn only if progress is [`Shown`](Progress::Shown).
+/// A progress bar, which is drawn only if [bars are shown](ShowProgress::Bars).
 pub struct Bar<'a> {
     bar: ProgressBar,
     watched: Option<Watched<'a>>,
@@ -155,19 +161,20 @@ impl Bar<'_> {
     }
 }
 
+impl From<ShowProgress> for Progress<'static> {
+    /// Of work that belongs to no run.
+    fn from(shown: ShowProgress) -> Self {
+        Self { shown, stage: None, watcher: None }
+    }
+}
+
 impl<'a> Progress<'a> {
-    /// As it is shown on stderr, for the given stage if there is one.
+    /// Shown to nobody.
+    pub const HIDDEN: Progress<'static> = Progress { shown: ShowProgress::Hidden, stage: None, watcher: None };
+
+    /// As it is shown on stderr; the watcher is told nothing.
     pub fn on_stderr(self) -> Progress<'static> {
-        match self {
-            Self::Shown(stage) => Progress::Shown(stage),
-            Self::Lines(stage) => Progress::Lines(stage),
-            Self::Hidden => Progress::Hidden,
-            Self::Watched(watcher, stage) => match watcher.shown {
-                Progress::Shown(_) => Progress::Shown(stage),
-                Progress::Lines(_) => Progress::Lines(stage),
-                Progress::Hidden | Progress::Watched(..) => Progress::Hidden,
-            },
-        }
+        Progress { shown: self.shown, stage: self.stage, watcher: None }
     }
 
     /// Checks whether the run goes on.
@@ -175,14 +182,11 @@ impl<'a> Progress<'a> {
     /// # Errors
     /// [`Cancelled`] if it was cancelled.
     pub fn check(self) -> Result<(), Cancelled> {
-        match self {
-            Self::Watched(watcher, _) if watcher.cancel.is_cancelled() => Err(Cancelled),
-            _ => Ok(()),
-        }
+        if self.watcher.is_some_and(|watcher| watcher.cancel.is_cancelled()) { Err(Cancelled) } else { Ok(()) }
     }
 
     /// A bar of `length` steps with the title `what`; its message, if it gets one, is the name of the steps. It is
-    /// drawn only if progress is [`Shown`](Self::Shown) and there are steps.
+    /// drawn only if [bars are shown](ShowProgress::Bars) and there are steps.
     pub fn bar(self, what: &'static str, length: u64) -> Bar<'a> {
         self.watched_bar(what, length, "{pos} of {len} {msg}")
     }
@@ -193,71 +197,68 @@ impl<'a> Progress<'a> {
     }
 
     fn watched_bar(self, what: &'static str, length: u64, done: &'static str) -> Bar<'a> {
-        let watched = match self {
-            Self::Watched(by, stage) => Some(Watched { by, stage, what, of: length }),
-            _ => None,
-        };
+        let watched = self.watcher.map(|by| Watched { by, stage: self.stage, what, of: length });
         Bar { bar: self.drawn_bar(what, length, done), watched }
     }
 
     fn drawn_bar(self, what: &'static str, length: u64, done: &'static str) -> ProgressBar {
-        let Progress::Shown(stage) = self.on_stderr() else { return ProgressBar::hidden() };
-        if length == 0 {
+        if self.shown != ShowProgress::Bars || length == 0 {
             return ProgressBar::hidden();
         }
         let style = ProgressStyle::with_template(&format!("{{prefix}} [{{bar:30}}] {done}{{left}}"))
             .expect("the template is a constant")
             .with_key("left", TimeLeft::default())
             .progress_chars("=> ");
-        let bar = BARS.add(ProgressBar::new(length)).with_prefix(title(stage, what)).with_style(style);
+        let bar = BARS.add(ProgressBar::new(length)).with_prefix(title(self.stage, what)).with_style(style);
         bar.enable_steady_tick(Duration::from_millis(200));
         bar
     }
 
     /// One line about something that takes a while or is done.
     pub fn line(self, text: &str) {
-        if !matches!(self.on_stderr(), Progress::Hidden) {
+        if self.shown != ShowProgress::Hidden {
             show(text);
         }
     }
 
     /// Tells the watcher that a stage begins.
     pub fn stage_begins(self, name: &str) {
-        if let Self::Watched(watcher, stage) = self {
-            watcher.tell(&Event::StageBegins { stage, name });
+        if let Some(watcher) = self.watcher {
+            watcher.tell(&Event::StageBegins { stage: self.stage, name });
         }
     }
 
     /// Tells the watcher what was asked so far.
     pub fn asked(self, requests: usize, input_tokens: u64, output_tokens: u64, usd: Option<f64>) {
-        if let Self::Watched(watcher, _) = self {
+        if let Some(watcher) = self.watcher {
             watcher.tell(&Event::Asked { requests, input_tokens, output_tokens, usd });
         }
     }
 
     /// The line for a stage that is done.
     pub fn stage_done(self, name: &str, seconds: f64) {
-        if let Progress::Shown(stage) | Progress::Lines(stage) = self.on_stderr() {
-            show(&format!("{} {seconds:6.1} s", title(stage, name)));
-        }
-        if let Self::Watched(watcher, stage) = self {
+        let Self { stage, watcher, .. } = self;
+        self.line(&format!("{} {seconds:6.1} s", title(stage, name)));
+        if let Some(watcher) = watcher {
             watcher.tell(&Event::StageDone { stage, name, seconds });
         }
     }
 
     /// Shows the remaining time of a wait for `reason`, such as "as the server asks".
     pub fn countdown(self, reason: &'static str) -> Countdown {
-        Countdown { progress: self.on_stderr(), reason, bar: self.text_bar(), told: None }
+        Countdown { shown: self.shown, reason, bar: self.text_bar(), told: None }
     }
 
     /// A line that says how a long piece of work stands.
     pub fn status_line(self) -> StatusLine {
-        StatusLine { progress: self.on_stderr(), bar: self.text_bar(), told: Instant::now() }
+        StatusLine { shown: self.shown, bar: self.text_bar(), told: Instant::now() }
     }
 
     /// A line of text that is drawn anew as often as it changes, at a terminal.
     fn text_bar(self) -> ProgressBar {
-        let Progress::Shown(_) = self.on_stderr() else { return ProgressBar::hidden() };
+        if self.shown != ShowProgress::Bars {
+            return ProgressBar::hidden();
+        }
         let style = ProgressStyle::with_template("{wide_msg}").expect("the template is a constant");
         BARS.add(ProgressBar::new_spinner()).with_style(style)
     }
@@ -332,8 +333,7 @@ impl ProgressTracker for TimeLeft {
 
 /// A wait whose remaining time is shown; the line is removed when this is dropped.
 pub struct Countdown {
-    /// As on stderr.
-    progress: Progress<'static>,
+    shown: ShowProgress,
     reason: &'static str,
     bar: ProgressBar,
     /// The remaining time in the last log line.
@@ -344,13 +344,13 @@ impl Countdown {
     /// Shows the remaining time.
     pub fn show(&mut self, left: Duration) {
         let text = format!("waiting {} s, {}", left.as_secs_f64().round().max(1.0), self.reason);
-        match self.progress {
-            Progress::Shown(_) => self.bar.set_message(text),
-            Progress::Lines(_) if self.told.is_none_or(|told| told.saturating_sub(left) >= REMINDER) => {
+        match self.shown {
+            ShowProgress::Bars => self.bar.set_message(text),
+            ShowProgress::Lines if self.told.is_none_or(|told| told.saturating_sub(left) >= REMINDER) => {
                 show(&text);
                 self.told = Some(left);
             }
-            Progress::Lines(_) | Progress::Hidden | Progress::Watched(..) => {}
+            ShowProgress::Lines | ShowProgress::Hidden => {}
         }
     }
 }
@@ -364,8 +364,7 @@ impl Drop for Countdown {
 /// A line that says how a long piece of work stands: at a terminal it is always there and removed when this is dropped,
 /// in a log it is printed now and then.
 pub struct StatusLine {
-    /// As on stderr.
-    progress: Progress<'static>,
+    shown: ShowProgress,
     bar: ProgressBar,
     /// When the last line was printed.
     told: Instant,
@@ -374,13 +373,13 @@ pub struct StatusLine {
 impl StatusLine {
     /// Shows how the work stands now.
     pub fn show(&mut self, text: &str) {
-        match self.progress {
-            Progress::Shown(_) => self.bar.set_message(output::one_line(text).into_owned()),
-            Progress::Lines(_) if self.told.elapsed() >= REMINDER => {
+        match self.shown {
+            ShowProgress::Bars => self.bar.set_message(output::one_line(text).into_owned()),
+            ShowProgress::Lines if self.told.elapsed() >= REMINDER => {
                 show(text);
                 self.told = Instant::now();
             }
-            Progress::Lines(_) | Progress::Hidden | Progress::Watched(..) => {}
+            ShowProgress::Lines | ShowProgress::Hidden => {}
         }
     }
 }
@@ -450,9 +449,9 @@ mod tests {
 
     #[test]
     fn nothing_to_do_has_no_bar() {
-        assert!(Progress::Shown(None).bar("query", 0).bar.is_hidden());
-        assert!(Progress::Lines(None).bar("query", 3).bar.is_hidden());
-        assert!(Progress::Hidden.share_bar("segment").bar.is_hidden());
+        assert!(Progress::from(ShowProgress::Bars).bar("query", 0).bar.is_hidden());
+        assert!(Progress::from(ShowProgress::Lines).bar("query", 3).bar.is_hidden());
+        assert!(Progress::HIDDEN.share_bar("segment").bar.is_hidden());
     }
 
     #[test]
@@ -463,7 +462,7 @@ mod tests {
             move |event: &Event| told.lock().unwrap().push(format!("{event:?}"))
         };
         let watcher = Watcher { listener: Some(Arc::new(listener)), ..Watcher::default() };
-        let progress = Progress::Watched(&watcher, Some(StageNumber { number: 2, of: 9 }));
+        let progress = watcher.progress(Some(StageNumber { number: 2, of: 9 }));
         let bar = progress.bar("vote", 3);
         bar.inc(1);
         bar.inc(2);
@@ -477,9 +476,9 @@ mod tests {
     #[test]
     fn a_token_cancels_what_was_given_it() {
         let watcher = Watcher::default();
-        let (watched, token) = (Progress::Watched(&watcher, None), watcher.cancel.clone());
-        assert_eq!((watched.check(), Progress::Hidden.check()), (Ok(()), Ok(())));
+        let (watched, token) = (watcher.progress(None), watcher.cancel.clone());
+        assert_eq!((watched.check(), Progress::HIDDEN.check()), (Ok(()), Ok(())));
         token.cancel();
-        assert_eq!((watched.check(), Progress::Hidden.check()), (Err(Cancelled), Ok(())));
+        assert_eq!((watched.check(), Progress::HIDDEN.check()), (Err(Cancelled), Ok(())));
     }
 }

@@ -34,7 +34,7 @@ fn scene(cloud: &Cloud, forms: &[Form]) -> Scene {
     let scale =
         MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
     let options = parts::Options { volume_cells: 200_000, ..Default::default() };
-    let parts = parts::parts(&gaussians, &field, &cameras, Some(&scale), &options, Progress::Hidden).unwrap();
+    let parts = parts::parts(&gaussians, &field, &cameras, Some(&scale), &options, Progress::HIDDEN).unwrap();
     let surface = Surface::of(&gaussians, &field.part_index, &cameras, 1.0);
     Scene { parts, labels: field.parts, surface }
 }

@@ -40,7 +40,7 @@ impl Measured {
         let cameras: Vec<_> = scene.views.iter().map(|v| v.camera.clone()).collect();
         let options = parts::Options { volume_cells, ..Default::default() };
         let scale = scene.scale.as_ref();
-        let result = parts::parts(&scene.gaussians, field, &cameras, scale, &options, Progress::Hidden).unwrap();
+        let result = parts::parts(&scene.gaussians, field, &cameras, scale, &options, Progress::HIDDEN).unwrap();
         Self { scene, field, result, cameras, with_paper: OnceLock::new() }
     }
 

@@ -23,7 +23,7 @@ fn ball(part_of: impl Fn(Vector3<f64>) -> u32) -> Cloud {
 
 fn run(cloud: &Cloud, forms: &[Form], options: &Options) -> Result<PartsResult, PartsError> {
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(forms));
-    parts(&gaussians, &field, &cameras(4.0, 20, |_| true), Some(&SCALE), options, Progress::Hidden)
+    parts(&gaussians, &field, &cameras(4.0, 20, |_| true), Some(&SCALE), options, Progress::HIDDEN)
 }
 
 #[test]
@@ -31,7 +31,7 @@ fn without_a_scale_there_are_shapes_but_no_kilograms() {
     let cloud = ball(|_| 0);
     let shell = Form::Shell { wall_thickness_m: Range::exactly(0.01) };
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[shell]));
-    let result = parts(&gaussians, &field, &cameras(4.0, 20, |_| true), None, &small(), Progress::Hidden).unwrap();
+    let result = parts(&gaussians, &field, &cameras(4.0, 20, |_| true), None, &small(), Progress::HIDDEN).unwrap();
     assert!(result.shapes[0].volume.unwrap().mid > 3.0);
     assert!(result.warnings.iter().any(|w| w.contains("solid")), "{:?}", result.warnings);
     let error = result.metric().unwrap_err();
@@ -45,7 +45,7 @@ fn walls_that_lack_a_scale_are_missed_whatever_the_answers_form() {
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid]));
     for (volume, lacks) in [(VolumeMethod::Shell, true), (VolumeMethod::Hybrid, false), (VolumeMethod::Carve, false)] {
         let (eyes, options) = (cameras(4.0, 20, |_| true), Options { volume, ..small() });
-        let result = parts(&gaussians, &field, &eyes, None, &options, Progress::Hidden).unwrap();
+        let result = parts(&gaussians, &field, &eyes, None, &options, Progress::HIDDEN).unwrap();
         assert_eq!(result.warnings.iter().any(|w| w.contains("only in metres")), lacks, "{:?}", result.warnings);
     }
 }
@@ -58,7 +58,7 @@ fn volumes_go_with_the_cube_of_the_scale() {
         let scale =
             MetricScale { meters_per_unit, source: ScaleSource::Factor, provenance: String::new(), range: None };
         let eyes = cameras(4.0, 20, |_| true);
-        let result = parts(&gaussians, &field, &eyes, Some(&scale), &small(), Progress::Hidden).unwrap();
+        let result = parts(&gaussians, &field, &eyes, Some(&scale), &small(), Progress::HIDDEN).unwrap();
         result.metric().unwrap().object.clone()
     };
     let (one, tenth) = (options_at(1.0), options_at(0.1));
@@ -72,7 +72,7 @@ fn what_cannot_be_measured_is_refused() {
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid]));
     let eyes = cameras(4.0, 20, |_| true);
     let run = |gaussians: &Gaussians, field, eyes: &[Camera]| {
-        parts(gaussians, field, eyes, Some(&SCALE), &small(), Progress::Hidden).unwrap_err()
+        parts(gaussians, field, eyes, Some(&SCALE), &small(), Progress::HIDDEN).unwrap_err()
     };
     assert_eq!(run(&Gaussians::default(), &field, &eyes), PartsError::NoGaussians);
     assert_eq!(run(&gaussians, &field, &[]), PartsError::NoViews);
@@ -97,7 +97,7 @@ fn cameras_that_do_not_fit_the_splat_leave_nothing() {
     for eye in &mut eyes {
         eye.camera_from_world.translation.x += 8.0;
     }
-    let error = parts(&gaussians, &field, &eyes, Some(&SCALE), &small(), Progress::Hidden).unwrap_err();
+    let error = parts(&gaussians, &field, &eyes, Some(&SCALE), &small(), Progress::HIDDEN).unwrap_err();
     assert!(matches!(error, PartsError::NothingInside { .. }), "{error}");
 }
 

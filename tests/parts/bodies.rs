@@ -24,7 +24,7 @@ fn table(bodies: BodiesAs) -> PartsResult {
     }
     let options = Options { volume_cells: 200_000, bodies, ..Options::default() };
     let (gaussians, field) = (cloud.gaussians(0.018), cloud.field(&[Form::Solid; 2]));
-    parts(&gaussians, &field, &cameras(4.0, 40, |_| true), Some(&SCALE), &options, Progress::Hidden).unwrap()
+    parts(&gaussians, &field, &cameras(4.0, 40, |_| true), Some(&SCALE), &options, Progress::HIDDEN).unwrap()
 }
 
 #[test]

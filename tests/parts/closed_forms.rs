@@ -16,7 +16,7 @@ const SCALE: MetricScale =
 
 fn run(cloud: &Cloud, deviation: f64, forms: &[Form], options: &Options) -> PartsResult {
     let (gaussians, field) = (cloud.gaussians(deviation), cloud.field(forms));
-    parts(&gaussians, &field, &cameras(4.0, 40, |_| true), Some(&SCALE), options, Progress::Hidden).unwrap()
+    parts(&gaussians, &field, &cameras(4.0, 40, |_| true), Some(&SCALE), options, Progress::HIDDEN).unwrap()
 }
 
 fn with(volume: VolumeMethod, volume_cells: usize) -> Options {
@@ -43,7 +43,7 @@ fn converges(cloud: &Cloud, units3: f64, method: VolumeMethod, form: Form, bound
     let (gaussians, field) = (cloud.gaussians(0.02), cloud.field(&[form]));
     let eyes = cameras_of(1600, 4.0, 40, |_| true);
     for (cells, bound) in bounds {
-        let result = parts(&gaussians, &field, &eyes, Some(&SCALE), &with(method, cells), Progress::Hidden).unwrap();
+        let result = parts(&gaussians, &field, &eyes, Some(&SCALE), &with(method, cells), Progress::HIDDEN).unwrap();
         let error = error(result.metric().unwrap(), units3);
         println!("{method:?} {cells}: {:+.2} %", 100.0 * error);
         assert!(error.abs() <= bound, "{method:?} on {cells} cells is off by {error}, more than {bound}");
@@ -89,7 +89,7 @@ fn the_interval_of_the_scale_widens_every_mass() {
         let options = with(method, 8_000);
         let field = cloud.field(&[form]);
         let weighed = |scale: &MetricScale| {
-            let result = parts(&gaussians, &field, &eyes, Some(scale), &options, Progress::Hidden).unwrap();
+            let result = parts(&gaussians, &field, &eyes, Some(scale), &options, Progress::HIDDEN).unwrap();
             result.metric().unwrap().clone()
         };
         let range = Range::new(0.48, 0.53);

@@ -49,7 +49,7 @@ fn ball(inside: Contents, options: &Options) -> Parts {
 fn measured(gaussians: &Gaussians, field: &MaterialField, scale: Option<&MetricScale>, options: &Options) -> Parts {
     let options = Options { volume_cells: 60_000, ..options.clone() };
     let eyes = cameras(4.0, 40, |_| true);
-    parts(gaussians, field, &eyes, scale, &options, Progress::Hidden).unwrap().metric().unwrap().clone()
+    parts(gaussians, field, &eyes, scale, &options, Progress::HIDDEN).unwrap().metric().unwrap().clone()
 }
 
 fn close(found: f64, expected: f64, error: f64) {

@@ -23,7 +23,7 @@ fn measured(cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool)
 fn measured_as(bodies: BodiesAs, cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool) -> Parts {
     let options = Options { volume_cells: 200_000, bodies, ..Options::default() };
     let (gaussians, field) = (cloud.gaussians(0.6 * SPACING), cloud.field(forms));
-    let result = parts(&gaussians, &field, &cameras(4.0, 60, from), Some(&SCALE), &options, Progress::Hidden).unwrap();
+    let result = parts(&gaussians, &field, &cameras(4.0, 60, from), Some(&SCALE), &options, Progress::HIDDEN).unwrap();
     result.metric().unwrap().clone()
 }
 
@@ -189,7 +189,7 @@ fn a_view_that_does_not_carve_bounds_nothing() {
     let below = cameras(4.0, 120, |n| n.z < -0.9);
     let options = Options { volume_cells: 50_000, carve_views: above.len(), ..Options::default() };
     let result_of = |eyes: &[Camera]| {
-        let result = parts(&gaussians, &field, eyes, Some(&SCALE), &options, Progress::Hidden).unwrap();
+        let result = parts(&gaussians, &field, eyes, Some(&SCALE), &options, Progress::HIDDEN).unwrap();
         (result.metric().unwrap().clone(), result.interior)
     };
     // Spread evenly over one more view, those that carve are all but the last.

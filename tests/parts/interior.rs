@@ -44,7 +44,7 @@ fn what_the_stage_makes_is_read_as_it_was() {
     let options = gprop::parts::Options { volume_cells: 20_000, ..Default::default() };
     let (gaussians, field) = (cloud.gaussians(0.05), cloud.field(&[Form::Solid, shell]));
     let eyes = cameras(4.0, 20, |_| true);
-    let made = parts(&gaussians, &field, &eyes, Some(&scale), &options, Progress::Hidden).unwrap().interior;
+    let made = parts(&gaussians, &field, &eyes, Some(&scale), &options, Progress::HIDDEN).unwrap().interior;
     let written = bytes(&made);
     let found = Interior::from_bytes(&written, options.volume_cells, field.parts.len()).unwrap();
     assert!(found == made);

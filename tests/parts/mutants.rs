@@ -79,7 +79,7 @@ impl Line {
         let scene = self.load(&splat)?;
         let views: Vec<_> =
             self.maps.iter().map(|(view, map)| VotingView { name: &view.name, camera: &view.camera, map }).collect();
-        let (library, hidden) = (MaterialLibrary::builtin(), Progress::Hidden);
+        let (library, hidden) = (MaterialLibrary::builtin(), Progress::HIDDEN);
         let field = vote(&scene.gaussians, &views, &self.answers, library, &vote::Options::default(), hidden)?;
         assert_eq!(field.part_index.len(), scene.gaussians.len(), "every Gaussian has a label");
         // Cells of 2 mm, coarser than in a user's run, which would take twenty times as long.

@@ -15,7 +15,7 @@ fn measured(folder: &Path) -> (Parts, &'static Truth) {
     let coverage: Vec<_> = scene.views.iter().map(|v| v.coverage().unwrap()).collect();
     let options = Options::default();
     let views = Views { cameras: &cameras, coverage: &coverage };
-    let result = parts(&scene.gaussians, field, views, scene.scale.as_ref(), &options, Progress::Hidden).unwrap();
+    let result = parts(&scene.gaussians, field, views, scene.scale.as_ref(), &options, Progress::HIDDEN).unwrap();
     println!("{}: {:?}", scene.name, result.warnings);
     (result.metric().unwrap().clone(), truth)
 }

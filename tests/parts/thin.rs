@@ -25,7 +25,7 @@ fn measured(cloud: &Cloud, deviation: f64, forms: &[Form], eyes: &[Camera], cove
     let options = Options { volume_cells: 200_000, ..Options::default() };
     let (gaussians, field) = (cloud.gaussians(deviation), cloud.field(forms));
     let result =
-        parts(&gaussians, &field, Views { cameras: eyes, coverage }, Some(&SCALE), &options, Progress::Hidden).unwrap();
+        parts(&gaussians, &field, Views { cameras: eyes, coverage }, Some(&SCALE), &options, Progress::HIDDEN).unwrap();
     result.metric().unwrap().clone()
 }
 

@@ -157,7 +157,7 @@ impl Place {
             maps: vec![Cow::Borrowed(&view.segments.map)],
         };
         let views = self.views.iter().map(view).collect();
-        let (home, hidden) = (self.home.path(), Progress::Hidden);
+        let (home, hidden) = (self.home.path(), Progress::HIDDEN);
         let subjects = Subjects {
             views,
             subjects,

@@ -296,7 +296,7 @@ fn the_key_appears_nowhere_but_in_its_header() {
         &recordings(folder.path()),
         Some(&client),
         &Budget::new(None, None),
-        gprop::words::progress::Progress::Hidden,
+        gprop::words::progress::Progress::HIDDEN,
     );
     let error = result.unwrap_err();
     assert!(matches!(error, QueryError::Endpoint { .. }), "{error}");
@@ -324,7 +324,7 @@ fn a_placeholder_for_a_key_stays_in_answers() {
         &recordings(folder.path()),
         Some(&client),
         &Budget::new(None, None),
-        gprop::words::progress::Progress::Hidden,
+        gprop::words::progress::Progress::HIDDEN,
     );
     assert_eq!(result.unwrap().answers.failed().count(), 0);
     let recorded = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().path());

@@ -63,7 +63,7 @@ fn ask_about(segments: u32, options: &Options) -> (Result<Run, QueryError>, Budg
     let client = connect(options, None).unwrap().unwrap();
     let budget = Budget::new(gpt_4o(), options.max_usd);
     let queries = prepare(&[grid(segments)], &prompts, options);
-    let result = queries.run(&recordings(folder.path()), Some(&client), &budget, Progress::Hidden);
+    let result = queries.run(&recordings(folder.path()), Some(&client), &budget, Progress::HIDDEN);
     (result, budget)
 }
 

@@ -84,7 +84,7 @@ fn run_within(options: &Options, requests: f64) -> Result<Run, QueryError> {
     let queries = prepare(&[one_segment()], &prompts, &options);
     let client = connect(&options, None).unwrap().unwrap();
     let store = recordings(folder.path());
-    queries.run(&store, Some(&client), &Budget::new(price, options.max_usd), Progress::Hidden)
+    queries.run(&store, Some(&client), &Budget::new(price, options.max_usd), Progress::HIDDEN)
 }
 
 #[test]

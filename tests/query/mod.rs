@@ -146,11 +146,11 @@ fn recordings(folder: &Path) -> Recordings {
 
 /// The client that the options ask for, online and without progress messages.
 fn connect(options: &Options, key: Option<ApiKey>) -> Result<Option<Client>, ClientError> {
-    Client::new(options, key, Ok(()), Progress::Hidden)
+    Client::new(options, key, Ok(()), Progress::HIDDEN)
 }
 
 fn run(queries: &Queries, recordings: &Recordings, asker: Option<&dyn Asker>) -> Result<Run, QueryError> {
-    queries.run(recordings, asker, &Budget::new(None, queries.options.max_usd), Progress::Hidden)
+    queries.run(recordings, asker, &Budget::new(None, queries.options.max_usd), Progress::HIDDEN)
 }
 
 /// An answer about a part that names `material` with the library's values, as a model would write it.

@@ -39,7 +39,7 @@ fn one_place_decides_whether_connections_may_be_opened() {
 fn no_request_of_any_kind_opens_a_connection() {
     let (listener, url) = listener();
     let options = Options { lmm_url: Some(url), lmm_model: Some("m".into()), ..small() };
-    let client = Client::new(&options, None, Err(Offline::Variable), Progress::Hidden).unwrap().unwrap();
+    let client = Client::new(&options, None, Err(Offline::Variable), Progress::HIDDEN).unwrap().unwrap();
     let refused = [
         ask(&client, None).map(|_| ()),
         client.start_batch_api_job("{}\n").map(|_| ()),
@@ -57,7 +57,7 @@ fn a_run_that_would_have_to_ask_says_what_forbids_it() {
     let (listener, url) = listener();
     let (folder, prompts) = (tempfile::tempdir().unwrap(), Prompts::builtin());
     let options = Options { lmm_url: Some(url), lmm_model: Some("m".into()), ..small() };
-    let client = Client::new(&options, None, Err(Offline::Flag), Progress::Hidden).unwrap().unwrap();
+    let client = Client::new(&options, None, Err(Offline::Flag), Progress::HIDDEN).unwrap().unwrap();
     let place = folder.path().join("recorded");
     let queries = prepare(&[two_segments("000", 80, 80)], &prompts, &options);
     let error = super::run(&queries, &recordings(&place), Some(&client)).unwrap_err();

@@ -315,7 +315,7 @@ fn the_budget_stops_before_and_during_the_run() {
             let free = Cost { most_usd: Some(0.0), ..Cost::default() };
             budget.account(free).open().unwrap().answered(Some(Usage { input_tokens: 1000, output_tokens: 100 }));
         }
-        let run = queries.run(&store, Some(&asker), &budget, Progress::Hidden);
+        let run = queries.run(&store, Some(&asker), &budget, Progress::HIDDEN);
         (preview, run)
     };
     let (preview, result) = with_budget(1e-6, false);

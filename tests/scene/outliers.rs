@@ -30,7 +30,7 @@ fn ball() -> Gaussians {
 fn found(change: impl FnOnce(&mut Gaussians)) -> Vec<usize> {
     let mut gaussians = ball();
     change(&mut gaussians);
-    let said = set_aside(&mut gaussians, Progress::Hidden).unwrap();
+    let said = set_aside(&mut gaussians, Progress::HIDDEN).unwrap();
     let marked: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.is_set_aside(i)).collect();
     assert_eq!(said.as_ref().map_or(0, |said| said.count), marked.len());
     assert_eq!(said.map(|said| said.first), marked.first().copied());
@@ -98,16 +98,16 @@ fn a_few_hundred_wild_gaussians_do_not_make_the_others_outliers() {
 fn too_few_gaussians_or_all_in_one_point_say_nothing() {
     let big = Blob::round([0.0; 3], 9.0, 0.9);
     let mut few = cloud(&[Blob::round([1.0, 0.0, 0.0], 0.01, 0.9), big]);
-    assert_eq!(set_aside(&mut few, Progress::Hidden).unwrap(), None);
+    assert_eq!(set_aside(&mut few, Progress::HIDDEN).unwrap(), None);
     let mut point = cloud(&[big; 100]);
-    assert_eq!(set_aside(&mut point, Progress::Hidden).unwrap(), None);
+    assert_eq!(set_aside(&mut point, Progress::HIDDEN).unwrap(), None);
 }
 
 #[test]
 fn a_splat_of_nothing_else_is_an_error() {
     let mut gaussians = ball();
     gaussians.log_scales.iter_mut().for_each(|scales| *scales = [3.0; 3]);
-    let error = set_aside(&mut gaussians, Progress::Hidden).unwrap_err();
+    let error = set_aside(&mut gaussians, Progress::HIDDEN).unwrap_err();
     assert!(error.to_string().contains("3000 of 3000"), "{error}");
 }
 
@@ -122,7 +122,7 @@ fn what_is_set_aside_is_transparent_and_stays_in_the_file() {
     };
     let before = bytes(&gaussians);
     let clean = ball();
-    let said = set_aside(&mut gaussians, Progress::Hidden).unwrap().unwrap().to_string();
+    let said = set_aside(&mut gaussians, Progress::HIDDEN).unwrap().unwrap().to_string();
     assert!(said.contains("set aside 1 of 3000") && said.contains("Gaussian 2 (counted from 0)"), "{said}");
     assert!(said.contains("neither drawn nor weighed") && !said.contains("scene units"), "{said}");
     assert_eq!(bytes(&gaussians), before);
@@ -218,7 +218,7 @@ fn huge_gaussians_from_whose_ends_all_centres_are_equally_far_are_set_aside_soon
     for (i, scales) in gaussians.log_scales.iter_mut().enumerate().filter(|(i, _)| i % 2 == 0) {
         *scales = [if i % 4 == 0 { 46.0 } else { (1.0_f32 / 5.0_f32.sqrt()).ln() }; 3];
     }
-    let said = set_aside(&mut gaussians, Progress::Hidden).unwrap().unwrap();
+    let said = set_aside(&mut gaussians, Progress::HIDDEN).unwrap().unwrap();
     assert!(said.count >= COUNT / 4, "{said}");
     assert!((0..COUNT).step_by(4).all(|i| gaussians.is_set_aside(i)));
 }

@@ -85,7 +85,7 @@ fn assert_within(what: &str, share: f64, found: f64, expected: f64) {
 fn weighed_and_grasped(scene: &Scene) -> (Parts, GraspReport) {
     let (cameras, field) = (scene.cameras(), Measured::of(&hammer()).field);
     let (gaussians, scale) = (&scene.gaussians, scene.scale.as_ref());
-    let found = parts(gaussians, field, &cameras, scale, &parts::Options::default(), Progress::Hidden).unwrap();
+    let found = parts(gaussians, field, &cameras, scale, &parts::Options::default(), Progress::HIDDEN).unwrap();
     let found = found.metric().unwrap().clone();
     let surface = Surface::of(gaussians, &field.part_index, &cameras, 1.0);
     let gripper = GripperProfile::load("paper").unwrap();

@@ -179,12 +179,12 @@ fn views_are_handed_on_one_by_one_and_returned_in_order() {
     };
     let names = ["c", "a", "b"];
     let segmentation =
-        segment_views(&segmenter, &names, &|_| Ok(two_shapes()), &options, Progress::Hidden, &save).unwrap();
+        segment_views(&segmenter, &names, &|_| Ok(two_shapes()), &options, Progress::HIDDEN, &save).unwrap();
     assert_eq!(segmentation.views.iter().map(|view| view.view.as_str()).collect::<Vec<_>>(), names);
     saved.lock().unwrap().sort();
     assert_eq!(*saved.lock().unwrap(), ["a", "b", "c"]);
 
     let failing = |name: &str| if name == "a" { anyhow::bail!("cannot read a") } else { Ok(two_shapes()) };
-    let error = segment_views(&segmenter, &names, &failing, &options, Progress::Hidden, &|_| Ok(())).unwrap_err();
+    let error = segment_views(&segmenter, &names, &failing, &options, Progress::HIDDEN, &|_| Ok(())).unwrap_err();
     assert_eq!(error.to_string(), "cannot read a");
 }

@@ -63,7 +63,7 @@ fn replace(bytes: &mut [u8], from: &[u8], to: &[u8]) -> bool {
 fn reproduces_the_peers_trajectories() {
     for name in ["spin5k_g48_apic.npz", "drop_cube10k_g48_sand.npz", "drop_cube10k_g48_metal.npz"] {
         if let Some(mut npz) = begun("reproduces_the_peers_trajectories", name) {
-            let comparison = simulation::compare(&mut npz, Progress::Hidden).unwrap();
+            let comparison = simulation::compare(&mut npz, Progress::HIDDEN).unwrap();
             assert!(comparison.within(), "{name}: {comparison}");
         }
     }
@@ -241,10 +241,10 @@ fn runs_a_configuration_on_a_scene() {
         frames.push(gaussians.clone());
         Ok::<_, SimulateError>(())
     };
-    let report = run(&ball, &config, None, &mut keep, Progress::Hidden).unwrap();
+    let report = run(&ball, &config, None, &mut keep, Progress::HIDDEN).unwrap();
     assert_eq!((frames.len(), frames[0].len(), report.substeps), (3, 3600, 400));
     let too_large = Config::from_json(&json.replace("\"scale\": 1.0", "\"scale\": 2.5")).unwrap();
-    match run(&ball, &too_large, None, &mut |_, _, _| Ok(()), Progress::Hidden) {
+    match run(&ball, &too_large, None, &mut |_, _, _| Ok(()), Progress::HIDDEN) {
         Err(SimulateError::Configuration(why)) => assert!(why.contains("lower `scale`"), "{why}"),
         other => panic!("{other:?}"),
     }
@@ -252,7 +252,7 @@ fn runs_a_configuration_on_a_scene() {
     assert!(report.fill_particles > 2000 && report.fill_particles < 4200, "{}", report.fill_particles);
     // Two billion in each of these cells would take terabytes.
     let crowded = json.replace("\"search_threshold\"", "\"max_partciels_per_cell\": 2000000000, \"search_threshold\"");
-    match run(&ball, &Config::from_json(&crowded).unwrap(), None, &mut |_, _, _| Ok(()), Progress::Hidden) {
+    match run(&ball, &Config::from_json(&crowded).unwrap(), None, &mut |_, _, _| Ok(()), Progress::HIDDEN) {
         Err(SimulateError::Configuration(why)) => assert!(why.contains("`max_particles_num`"), "{why}"),
         other => panic!("{other:?}"),
     }
@@ -273,7 +273,7 @@ fn runs_a_configuration_on_a_scene() {
         frames.push(gaussians.clone());
         Ok::<_, SimulateError>(())
     };
-    assert_eq!(run(&ball, &config, None, &mut keep, Progress::Hidden).unwrap().fill_particles, report.fill_particles);
+    assert_eq!(run(&ball, &config, None, &mut keep, Progress::HIDDEN).unwrap().fill_particles, report.fill_particles);
     assert_eq!(frames[0].len(), 3600 + report.fill_particles);
     // The shell's Gaussians reach 0.05 beyond the ball, a cell's diagonal is 0.17.
     let inside = |p: &[f32; 3]| p.iter().map(|x| x * x).sum::<f32>().sqrt() < 1.25;
@@ -291,7 +291,7 @@ fn a_frame_with_a_lost_particle_is_not_kept() {
         kept += 1;
         Ok::<_, SimulateError>(())
     };
-    match run(&ball(100), &Config::from_json(json).unwrap(), None, &mut keep, Progress::Hidden) {
+    match run(&ball(100), &Config::from_json(json).unwrap(), None, &mut keep, Progress::HIDDEN) {
         Err(SimulateError::Lost { frame, .. }) => assert_eq!((frame, kept), (1, 1)),
         other => panic!("{other:?}"),
     }
@@ -314,7 +314,7 @@ fn a_particle_at_the_rim_of_the_grid_is_lost() {
 fn a_region_without_gaussians_is_told() {
     let config = Config::from_json(r#"{"sim_area": [50, 60, 50, 60, 50, 60]}"#).unwrap();
     let mut keep = |_: usize, _: &[Particle], _: &Gaussians| Ok::<_, SimulateError>(());
-    let why = run(&ball(100), &config, None, &mut keep, Progress::Hidden).unwrap_err().to_string();
+    let why = run(&ball(100), &config, None, &mut keep, Progress::HIDDEN).unwrap_err().to_string();
     assert!(why.contains("`sim_area`") && why.contains("`opacity_threshold`"), "{why}");
 }
 
@@ -335,7 +335,7 @@ fn last(gaussians: &Gaussians, config: &Config, estimated: Option<&Estimated>) -
         last = Some((gaussians.clone(), particles.to_vec()));
         Ok::<_, SimulateError>(())
     };
-    let report = run(gaussians, config, estimated, &mut keep, Progress::Hidden).unwrap();
+    let report = run(gaussians, config, estimated, &mut keep, Progress::HIDDEN).unwrap();
     assert_eq!(report.materials.len(), estimated.map_or(0, |estimated| estimated.materials.len()));
     last.unwrap()
 }

@@ -116,7 +116,7 @@ fn run(input: &Input, options: &Options) -> (Vec<Frame>, SimulationReport) {
         frames.push(frame.clone());
         Ok::<_, SimulateError>(())
     };
-    let report = simulate(input, options, None, &mut keep, Progress::Hidden).unwrap();
+    let report = simulate(input, options, None, &mut keep, Progress::HIDDEN).unwrap();
     (frames, report)
 }
 
@@ -245,7 +245,7 @@ fn the_user_chooses_what_is_rigid() {
         let rigid = words.iter().map(|word| (*word).to_owned()).collect();
         let short = Options { duration: Some(0.01), frames: 2, rigid, ..true_stiffness() };
         let mut keep = |_: &Frame, _: &Snapshot| Ok::<_, SimulateError>(());
-        simulate(&bar.input(), &short, None, &mut keep, Progress::Hidden)
+        simulate(&bar.input(), &short, None, &mut keep, Progress::HIDDEN)
     };
     let names = |report: SimulationReport| -> Vec<String> { report.rigid.into_iter().map(|part| part.part).collect() };
     let auto = rigid(&["auto"]).unwrap();
@@ -328,10 +328,10 @@ fn what_is_too_stiff_to_simulate_in_time_is_rigid() {
         max_simulation_minutes: 0.01,
         ..Options::default()
     };
-    let refused = simulate(&bar.input(), &hour, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+    let refused = simulate(&bar.input(), &hour, None, &mut |_, _| panic!("it began"), Progress::HIDDEN);
     let Err(SimulateError::TooLong { minutes, .. }) = refused else { panic!("{refused:?}") };
     let alone = Options { max_stiffness: Some(2e7), rigid: vec!["handle".to_owned()], ..hour };
-    let refused = simulate(&bar.input(), &alone, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+    let refused = simulate(&bar.input(), &alone, None, &mut |_, _| panic!("it began"), Progress::HIDDEN);
     let Err(SimulateError::TooLong { minutes: expected, .. }) = refused else { panic!("{refused:?}") };
     assert_eq!(minutes, expected, "the head is softened to 2e7 Pa, and the handle rigid");
 }
@@ -390,7 +390,7 @@ fn resumes(bar: &Bar, options: &dyn Fn() -> Options) {
         snapshot.write(&mut saved)?;
         if frame.index == 2 { Err(anyhow::anyhow!("the machine went down")) } else { Ok(()) }
     };
-    let stopped = simulate(&bar.input(), &options(), None, &mut stop_after_two, Progress::Hidden);
+    let stopped = simulate(&bar.input(), &options(), None, &mut stop_after_two, Progress::HIDDEN);
     assert_eq!(stopped.unwrap_err().to_string(), "the machine went down");
     let checkpoint = Checkpoint::from_bytes(&saved).unwrap();
     assert_eq!(checkpoint.frames(), 3);
@@ -399,12 +399,12 @@ fn resumes(bar: &Bar, options: &dyn Fn() -> Options) {
         rest.push(frame.clone());
         Ok::<_, SimulateError>(())
     };
-    let resumed = simulate(&bar.input(), &options(), Some(checkpoint.clone()), &mut keep, Progress::Hidden).unwrap();
+    let resumed = simulate(&bar.input(), &options(), Some(checkpoint.clone()), &mut keep, Progress::HIDDEN).unwrap();
     assert!(rest == frames[3..], "the resumed frames differ");
     assert_eq!(resumed, report);
 
     let other = Options { gravity: 1.6, ..options() };
-    let foreign = simulate(&bar.input(), &other, Some(checkpoint), &mut |_, _| Ok(()), Progress::Hidden);
+    let foreign = simulate(&bar.input(), &other, Some(checkpoint), &mut |_, _| Ok(()), Progress::HIDDEN);
     assert!(matches!(foreign, Err(SimulateError::Checkpoint(_))), "{foreign:?}");
     for cut in [0, 7, 40, 60, saved.len() - 1] {
         assert!(matches!(Checkpoint::from_bytes(&saved[..cut]), Err(SimulateError::Checkpoint(_))), "cut at {cut}");
@@ -425,10 +425,10 @@ fn a_checkpoint_with_a_damaged_state_is_refused() {
             snapshot.write(&mut saved)?;
             Ok::<_, anyhow::Error>(())
         };
-        simulate(&bar.input(), &options, None, &mut keep, Progress::Hidden).unwrap();
+        simulate(&bar.input(), &options, None, &mut keep, Progress::HIDDEN).unwrap();
         damage(&mut saved);
         let checkpoint = Checkpoint::from_bytes(&saved).unwrap();
-        match simulate(&bar.input(), &options, Some(checkpoint), &mut |_, _| Ok(()), Progress::Hidden) {
+        match simulate(&bar.input(), &options, Some(checkpoint), &mut |_, _| Ok(()), Progress::HIDDEN) {
             Err(SimulateError::Checkpoint(why)) => why,
             other => panic!("{other:?}"),
         }
@@ -473,14 +473,14 @@ fn nothing_acts_on_a_part_that_is_not_simulated() {
     bar.materials[1].caption = "lid knob".to_owned();
     let short = || Options { duration: Some(0.01), frames: 2, ..true_stiffness() };
     let anchored = Options { anchor: vec!["lid".to_owned()], ..short() };
-    match simulate(&bar.input(), &anchored, None, &mut |_, _| Ok(()), Progress::Hidden) {
+    match simulate(&bar.input(), &anchored, None, &mut |_, _| Ok(()), Progress::HIDDEN) {
         Err(SimulateError::Part { part, names }) => {
             assert_eq!((part.as_str(), names.as_str()), ("lid", "handle`, `lead`, `lid knob`, `oak"));
         }
         other => panic!("{other:?}"),
     }
     let stiffened = Options { rigid: vec!["lid".to_owned()], ..short() };
-    match simulate(&bar.input(), &stiffened, None, &mut |_, _| Ok(()), Progress::Hidden) {
+    match simulate(&bar.input(), &stiffened, None, &mut |_, _| Ok(()), Progress::HIDDEN) {
         Err(SimulateError::Rigid { part, names }) => {
             assert_eq!((part.as_str(), names.as_str()), ("lid", "handle`, `lead`, `lid knob`, `oak"));
         }
@@ -501,7 +501,7 @@ fn time_that_stands_still_or_crawls_stops_the_run() {
             max_simulation_minutes: 0.001,
             ..true_stiffness()
         };
-        match simulate(&bar.input(), &spun, None, &mut |_, _| Ok(()), Progress::Hidden) {
+        match simulate(&bar.input(), &spun, None, &mut |_, _| Ok(()), Progress::HIDDEN) {
             Err(SimulateError::TooFast { speed_m_s, frame, .. }) => {
                 assert!(speed_m_s > least_m_s && frame == 1, "{rate} rad/s: {speed_m_s} m/s");
             }
@@ -582,7 +582,7 @@ fn bad_input_is_refused_with_a_reason() {
     let bar = Bar::new();
     let refused = |input: &Input| {
         let mut keep = |_: &Frame, _: &Snapshot| Ok::<_, SimulateError>(());
-        simulate(input, &options(), None, &mut keep, Progress::Hidden).unwrap_err().to_string()
+        simulate(input, &options(), None, &mut keep, Progress::HIDDEN).unwrap_err().to_string()
     };
     let outcome_with = |change: &dyn Fn(&mut Material)| {
         let mut materials = materials();
@@ -615,7 +615,7 @@ fn options_outside_their_domain_are_refused() {
         Options { duration: Some(f64::NAN), ..options() },
         Options { grid: 0, ..options() },
     ] {
-        let refused = simulate(&bar.input(), &options, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+        let refused = simulate(&bar.input(), &options, None, &mut |_, _| panic!("it began"), Progress::HIDDEN);
         assert!(matches!(refused, Err(SimulateError::Option(_))), "{refused:?}");
     }
 }
@@ -641,7 +641,7 @@ fn strays_stay_in_place() {
 fn too_long_a_run_is_refused_before_it_starts() {
     let bar = Bar::new();
     let long = Options { duration: Some(3600.0), max_stiffness: Some(1e13), ..options() };
-    let refused = simulate(&bar.input(), &long, None, &mut |_, _| panic!("it began"), Progress::Hidden);
+    let refused = simulate(&bar.input(), &long, None, &mut |_, _| panic!("it began"), Progress::HIDDEN);
     match refused {
         Err(SimulateError::TooLong { minutes, max_minutes }) => assert!(minutes > 600.0 && max_minutes == 120.0),
         other => panic!("{other:?}"),
@@ -661,7 +661,7 @@ fn domain_too_small_or_no_number_stops_the_run() {
             kept += 1;
             Ok(())
         };
-        match simulate(&bar.input(), &options, None, &mut keep, Progress::Hidden) {
+        match simulate(&bar.input(), &options, None, &mut keep, Progress::HIDDEN) {
             Err(error @ SimulateError::Lost { frame, t_s, .. }) => {
                 assert_eq!(frame, kept);
                 (t_s, error.to_string())
@@ -696,7 +696,7 @@ fn film_shows_the_object_in_every_picture() {
             pictures.push(picture);
             Ok(())
         };
-        shooting.draw(&mut load, &mut keep, Progress::Hidden).unwrap();
+        shooting.draw(&mut load, &mut keep, Progress::HIDDEN).unwrap();
         assert_eq!(pictures.len(), shooting.count());
         pictures
     };
@@ -720,7 +720,7 @@ fn film_shows_the_object_in_every_picture() {
         let at_edge = |&(x, y): &(u32, u32)| x == 0 || y == 0 || x + 1 == picture.width() || y + 1 == picture.height();
         assert!(!red.iter().any(at_edge), "frame {index}: the bar is cut off");
     }
-    let films = Shooting::new(&report, &viewpoint(&|_| ()), None, &all).films(&mut load, Progress::Hidden).unwrap();
+    let films = Shooting::new(&report, &viewpoint(&|_| ()), None, &all).films(&mut load, Progress::HIDDEN).unwrap();
     match films.film {
         Film::Mp4(film) => assert_eq!(&film[4..8], b"ftyp"),
         Film::Gif(_) => skipped("film_shows_the_object_in_every_picture", "no ffmpeg: no MP4"),

@@ -64,7 +64,7 @@ pub fn shared_if_there(path: &str) -> Option<PathBuf> {
 /// another platform). Any other problem with them fails the test.
 pub fn models(test: &str) -> Option<ModelFiles> {
     static MODELS: OnceLock<Result<ModelFiles, String>> = OnceLock::new();
-    let obtained = MODELS.get_or_init(|| match setup::obtain(&setup::Options::default(), Progress::Hidden) {
+    let obtained = MODELS.get_or_init(|| match setup::obtain(&setup::Options::default(), Progress::HIDDEN) {
         Ok(files) => Ok(files),
         Err(
             error @ (SetupError::NotCached { .. }

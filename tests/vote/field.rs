@@ -66,7 +66,7 @@ impl Ballot {
     }
 
     fn count(&self, gaussians: &Gaussians, options: &Options) -> Result<MaterialField, VoteError> {
-        vote(gaussians, &self.inputs(), &self.answers, MaterialLibrary::builtin(), options, Progress::Hidden)
+        vote(gaussians, &self.inputs(), &self.answers, MaterialLibrary::builtin(), options, Progress::HIDDEN)
     }
 }
 
@@ -426,7 +426,7 @@ fn an_unknown_material_in_any_answer_about_a_part_is_refused_by_name() {
     for pixels in [[10.0, 7.0, 7.0], [1.0, 7.0, 7.0]] {
         let answers = [(1, &known, pixels[0]), (1, &unknown, pixels[1]), (1, &unknown, pixels[2])];
         let parts = AnsweredPart::collect(answers);
-        let error = vote_on_parts(&gaussians, &views, &parts, library, &options, Progress::Hidden).unwrap_err();
+        let error = vote_on_parts(&gaussians, &views, &parts, library, &options, Progress::HIDDEN).unwrap_err();
         assert!(matches!(error, VoteError::UnknownMaterial { .. }), "{error}");
         assert!(error.to_string().contains("part 1 names `unobtainium`"), "{error}");
     }
@@ -443,7 +443,7 @@ fn a_part_keeps_the_id_under_which_it_was_asked_about() {
     let (end, board, pin) = (answer("end", 0), answer("board", 1), answer("pin", 2));
     let parts = AnsweredPart::collect([(9, &board, 9.0), (4, &end, 4.0), (2, &pin, 1.0)]);
     let (views, library, options) = (ballot.inputs(), MaterialLibrary::builtin(), Options::default());
-    let field = vote_on_parts(&gaussians, &views, &parts, library, &options, Progress::Hidden).unwrap();
+    let field = vote_on_parts(&gaussians, &views, &parts, library, &options, Progress::HIDDEN).unwrap();
     let named: Vec<(u32, &str)> = field.parts.iter().map(|label| (label.id, label.caption.as_str())).collect();
     assert_eq!(named, [(4, "end"), (9, "board")]);
     let found: Vec<u32> = field.part_ids().collect();

@@ -77,7 +77,7 @@ fn voted(measured: &Measured, maps: &[(View, LabelMap)], rule: Rule) -> Material
     let views: Vec<_> =
         maps.iter().map(|(view, map)| VotingView { name: &view.name, camera: &view.camera, map }).collect();
     let options = Options { vote: rule, ..Default::default() };
-    vote(&measured.scene.gaussians, &views, &answers, MaterialLibrary::builtin(), &options, Progress::Hidden).unwrap()
+    vote(&measured.scene.gaussians, &views, &answers, MaterialLibrary::builtin(), &options, Progress::HIDDEN).unwrap()
 }
 
 /// The lowest IoU that a scene's parts may have. The loss is a pixel's width at the borders, where splats are soft.

@@ -156,7 +156,7 @@ fn of_scene(global: &Global, scene: &Path, parts: &Path, asked: &Asked) -> Resul
 
 /// What a model said of the mass of a scene's object without gprop.
 fn direct_guess(global: &Global, scene: &Path, asked: &Asked) -> Result<DirectGuess> {
-    let mut open = stored::open(scene, asked.out, asked.allow_read, Stage::Scene, global.progress())?;
+    let mut open = stored::open(scene, asked.out, asked.allow_read, Stage::Scene, global.show_progress())?;
     open.options.query.answers = AnswerSource::Replay;
     let guess = direct_session(&open)?.direct_guess(&|_| Ok(()))?;
     let remedy = || format!("ask with `gprop query {} --direct`", shell::path(scene));

@@ -81,7 +81,7 @@ fn shown_parts(global: &Global, scene: &Path, out: Option<&Path>, allow_read: &[
     if !scene.join(TRUE_MAPS).exists() {
         return Ok(BTreeMap::new());
     }
-    let open = stored::open(scene, out, allow_read, Stage::Vote, global.progress())?;
+    let open = stored::open(scene, out, allow_read, Stage::Vote, global.show_progress())?;
     let (gaussians, field) = StoredRun::open(scene, out, &[Stage::Vote])?.field()?;
     let in_input_frame = open.scene.in_input_frame();
     let mapped = in_input_frame.views.iter().filter(|view| true_map(scene, view).exists());

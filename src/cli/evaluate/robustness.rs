@@ -27,7 +27,7 @@ pub fn evaluate(
     one_scene_only(scenes.len(), out)?;
     let mut measured: Vec<Robustness> = Vec::with_capacity(scenes.len());
     for folder in scenes {
-        let open = stored::open(folder, out, allow_read, Stage::Vote, global.progress())?;
+        let open = stored::open(folder, out, allow_read, Stage::Vote, global.show_progress())?;
         measured.push(of_scene(folder, &open, few)?);
         global.progress().line(&format!("{folder:?} done"));
     }

@@ -24,7 +24,7 @@ pub fn evaluate(
     allow_read: &[PathBuf],
 ) -> Result<()> {
     one_scene_only(scenes.len(), out)?;
-    let opened = scenes.iter().map(|scene| stored::open(scene, out, allow_read, Stage::Vote, global.progress()));
+    let opened = scenes.iter().map(|scene| stored::open(scene, out, allow_read, Stage::Vote, global.show_progress()));
     let opened: Vec<OpenScene> = opened.collect::<Result<_>>()?;
     require_distinct_names(&opened)?;
     let objects = opened.iter().zip(scenes).map(|(open, scene)| {

@@ -65,7 +65,7 @@ impl Voters<'_> {
         let views: Vec<SegmentedView> = views
             .map(|(view, segments)| SegmentedView { camera: view.camera, cloud: self.gaussians, segments })
             .collect();
-        let parts = consensus::find(self.gaussians, &views, Progress::Hidden);
+        let parts = consensus::find(self.gaussians, &views, Progress::HIDDEN);
         let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(&parts, view)).collect();
         let shows = |id: u16, asked: u16| id > 0 && (id == asked || parts.part_of(id) == asked);
         let subjects = self.subjects(&parts, &masks);
@@ -96,7 +96,7 @@ impl Voters<'_> {
             Outcome::Failed(_) => None,
         }));
         let (inputs, library) = (self.inputs(maps.iter()), MaterialLibrary::builtin());
-        vote::vote_on_parts(self.gaussians, &inputs, &answered, library, options, Progress::Hidden)
+        vote::vote_on_parts(self.gaussians, &inputs, &answered, library, options, Progress::HIDDEN)
     }
 
     fn on_segments(
@@ -115,7 +115,7 @@ impl Voters<'_> {
             }
         }
         let inputs = self.inputs(segments.iter().map(|of| &of.map));
-        vote::vote(self.gaussians, &inputs, &answers, MaterialLibrary::builtin(), options, Progress::Hidden)
+        vote::vote(self.gaussians, &inputs, &answers, MaterialLibrary::builtin(), options, Progress::HIDDEN)
     }
 
     fn inputs<'m>(&'m self, maps: impl Iterator<Item = &'m LabelMap>) -> Vec<VotingView<'m>> {

@@ -103,7 +103,7 @@ impl OpenScene {
 
     /// Where to tell progress.
     pub(crate) fn progress(&self) -> Progress<'_> {
-        Progress::Watched(&self.watcher, self.number)
+        self.watcher.progress(self.number)
     }
 
     /// A stored result. It is read once.

@@ -197,7 +197,7 @@ impl Queries<'_> {
         check_ready(asker, sorted.open.len())?;
         recordings.check_writable()?;
         budget.announce(asker.most_requests(self.questions.longest_chain().len()));
-        let live = Live { queries: self, recordings, asker, budget, progress: Progress::Hidden };
+        let live = Live { queries: self, recordings, asker, budget, progress: Progress::HIDDEN };
         ask_all(&live, std::slice::from_ref(first), &mut |_, outcome| answer = Some(outcome))?;
         Ok(answer.map(|outcome| (self.subjects[first.index].asked(first.question), outcome)))
     }

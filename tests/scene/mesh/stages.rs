@@ -119,7 +119,7 @@ fn samples_lie_on_the_surface_evenly_and_cover_it() {
         let thin = sampled.gaussians.rotation(i) * Vector3::z();
         assert!(thin.dot(&normal) > 0.999_999, "{thin:?} {normal:?}");
     }
-    let inspection = inspect(&cup(), &Options::default(), Progress::Hidden).unwrap();
+    let inspection = inspect(&cup(), &Options::default(), Progress::HIDDEN).unwrap();
     assert_eq!(inspection.views.len(), 10);
     for view in &inspection.views {
         // A Gaussian reaches over an edge by about a third of a millimetre, of a cup that is 100 mm wide.
