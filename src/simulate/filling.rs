@@ -59,32 +59,15 @@ pub fn fill(
     meters_per_unit: f64,
     spacing_m: f64,
 ) -> Result<Filled, SimulateError> {
-    let side = spacing_m / 2.0;
-    let key = |label: u32, p: [f64; 3]| (label, p.map(|x| (x / side).floor() as i64));
-    let mut cubes: BTreeMap<(u32, [i64; 3]), Cube> = BTreeMap::new();
-    let mut known = BTreeMap::<u32, f64>::new();
-    for (index, point) in interior.iter().enumerate() {
-        if !(point.volume.is_finite() && point.volume > 0.0) {
-            return Err(SimulateError::Volume { index, volume: point.volume });
-        }
-        if point.position.iter().any(|x| !x.is_finite()) {
-            return Err(SimulateError::Position { what: "interior point", index, position: point.position });
-        }
-        let position_m = point.position.map(|x| x * meters_per_unit);
-        let volume_m3 = point.volume * meters_per_unit.powi(3);
-        let cube = cubes.entry(key(point.label, position_m)).or_default();
-        cube.volume_m3 += volume_m3;
-        for (moment, x) in cube.moment.iter_mut().zip(position_m) {
-            *moment += volume_m3 * x;
-        }
-        *known.entry(point.label).or_default() += volume_m3;
-    }
+    let side_m = spacing_m / 2.0;
+    let mut cubes = Cubes { side_m, cubes: BTreeMap::new() };
+    let known = cubes.take(interior, meters_per_unit)?;
     let mut assumed_full = Vec::new();
     for (i, (&label, &position)) in labels.iter().zip(positions_m).enumerate() {
-        let cube = cubes.entry(key(label, position)).or_default();
+        let cube = cubes.at(label, position);
         cube.gaussians.push(i as u32);
         if !known.contains_key(&label) {
-            cube.volume_m3 = side.powi(3);
+            cube.volume_m3 = side_m.powi(3);
             assumed_full.push(label);
         }
     }
@@ -95,18 +78,59 @@ pub fn fill(
         .zip(positions_m)
         .map(|(&label, &position_m)| Parcel { position_m, label, volume_m3: 0.0, backed: false })
         .collect();
-    for ((label, _), cube) in &cubes {
-        let share = cube.volume_m3 / cube.gaussians.len().max(1) as f64;
-        for &i in &cube.gaussians {
-            (parcels[i as usize].volume_m3, parcels[i as usize].backed) = (share, share > 0.0);
-        }
-        if cube.gaussians.is_empty() {
-            let position_m = cube.moment.map(|m| m / cube.volume_m3);
-            parcels.push(Parcel { position_m, label: *label, volume_m3: cube.volume_m3, backed: true });
-        }
-    }
+    cubes.share_out(&mut parcels);
     give_strays_a_volume(&mut parcels, &known);
     Ok(Filled { parcels, assumed_full })
+}
+
+/// The space of the object in cubes, by part and place.
+struct Cubes {
+    side_m: f64,
+    cubes: BTreeMap<(u32, [i64; 3]), Cube>,
+}
+
+impl Cubes {
+    /// The cube of a part at a place.
+    fn at(&mut self, label: u32, position_m: [f64; 3]) -> &mut Cube {
+        let place = position_m.map(|x| (x / self.side_m).floor() as i64);
+        self.cubes.entry((label, place)).or_default()
+    }
+
+    /// Takes in the object's inside; returns the volume of each part that has any.
+    fn take(&mut self, interior: &[FillPoint], meters_per_unit: f64) -> Result<BTreeMap<u32, f64>, SimulateError> {
+        let mut known = BTreeMap::<u32, f64>::new();
+        for (index, point) in interior.iter().enumerate() {
+            if !(point.volume.is_finite() && point.volume > 0.0) {
+                return Err(SimulateError::Volume { index, volume: point.volume });
+            }
+            if point.position.iter().any(|x| !x.is_finite()) {
+                return Err(SimulateError::Position { what: "interior point", index, position: point.position });
+            }
+            let position_m = point.position.map(|x| x * meters_per_unit);
+            let volume_m3 = point.volume * meters_per_unit.powi(3);
+            let cube = self.at(point.label, position_m);
+            cube.volume_m3 += volume_m3;
+            for (moment, x) in cube.moment.iter_mut().zip(position_m) {
+                *moment += volume_m3 * x;
+            }
+            *known.entry(point.label).or_default() += volume_m3;
+        }
+        Ok(known)
+    }
+
+    /// Shares each cube's volume out to its Gaussians, or adds a parcel where it has none.
+    fn share_out(&self, parcels: &mut Vec<Parcel>) {
+        for ((label, _), cube) in &self.cubes {
+            let share = cube.volume_m3 / cube.gaussians.len().max(1) as f64;
+            for &i in &cube.gaussians {
+                (parcels[i as usize].volume_m3, parcels[i as usize].backed) = (share, share > 0.0);
+            }
+            if cube.gaussians.is_empty() {
+                let position_m = cube.moment.map(|m| m / cube.volume_m3);
+                parcels.push(Parcel { position_m, label: *label, volume_m3: cube.volume_m3, backed: true });
+            }
+        }
+    }
 }
 
 /// Gaussians without a volume, because their part's inside does not reach them, get the mean of their part's parcels;

@@ -115,21 +115,10 @@ impl ScaleChoice {
 
     fn stated(&self, scene: &Measured) -> Result<Option<MetricScale>, SceneError> {
         let refused = |problem: String| SceneError::Scale { given: self.to_string(), problem };
-        // `error`: how far off `units` may be.
-        let measured = |meters: &f64, units: f64, error: f64, source, provenance: String| {
-            let least = units - error;
-            if !(least > 0.0 && (meters / least).is_normal()) {
-                return Err(refused(
-                    "the length measured in the scene is zero or too short to give a scale; measure a longer one"
-                        .to_owned(),
-                ));
-            }
-            let mut provenance = format!("{provenance}: {meters} m for {units:.6} scene units");
-            if error > 0.0 {
-                provenance += &format!(", within {:.2} %", 100.0 * error / units);
-            }
-            let range = (error > 0.0).then(|| Range::new(meters / (units + error), meters / least));
-            Ok(Some(MetricScale { meters_per_unit: meters / units, source, provenance, range }))
+        let measured = |length: MeasuredLength, source, provenance: String| {
+            let too_short =
+                "the length measured in the scene is zero or too short to give a scale; measure a longer one";
+            length.scale(source, &provenance).map(Some).ok_or_else(|| refused(too_short.to_owned()))
         };
         match self {
             Self::Auto => Ok(scene.data_set.clone()),
@@ -145,7 +134,8 @@ impl ScaleChoice {
             }
             Self::KnownLength { from, to, meters } => {
                 let units = (Point3::from(*from) - Point3::from(*to)).norm();
-                measured(meters, units, 0.0, ScaleSource::KnownLength, "distance between two points".to_owned())
+                let length = MeasuredLength { meters: *meters, units, error: 0.0 };
+                measured(length, ScaleSource::KnownLength, "distance between two points".to_owned())
             }
             Self::BoundingBox { axis, meters } => {
                 let provenance = format!("{} side of the object's box", AXES[*axis]);
@@ -157,7 +147,8 @@ impl ScaleChoice {
                         100.0 * side.error / side.length
                     )));
                 }
-                measured(meters, side.length, side.error, ScaleSource::BoundingBox, provenance)
+                let length = MeasuredLength { meters: *meters, units: side.length, error: side.error };
+                measured(length, ScaleSource::BoundingBox, provenance)
             }
             Self::Cameras { a, b, meters } => {
                 let center = |name: &str| {
@@ -168,9 +159,35 @@ impl ScaleChoice {
                 };
                 let units = (center(a)? - center(b)?).norm();
                 let provenance = format!("distance between the cameras of {a} and {b}");
-                measured(meters, units, 0.0, ScaleSource::Cameras, provenance)
+                let length = MeasuredLength { meters: *meters, units, error: 0.0 };
+                measured(length, ScaleSource::Cameras, provenance)
             }
         }
+    }
+}
+
+/// A length that is known in metres and measured in the scene.
+struct MeasuredLength {
+    meters: f64,
+    units: f64,
+    /// How far off `units` may be.
+    error: f64,
+}
+
+impl MeasuredLength {
+    /// The scale that follows from it; `None` if it is too short.
+    fn scale(&self, source: ScaleSource, what: &str) -> Option<MetricScale> {
+        let Self { meters, units, error } = *self;
+        let least = units - error;
+        if !(least > 0.0 && (meters / least).is_normal()) {
+            return None;
+        }
+        let mut provenance = format!("{what}: {meters} m for {units:.6} scene units");
+        if error > 0.0 {
+            provenance += &format!(", within {:.2} %", 100.0 * error / units);
+        }
+        let range = (error > 0.0).then(|| Range::new(meters / (units + error), meters / least));
+        Some(MetricScale { meters_per_unit: meters / units, source, provenance, range })
     }
 }
 
