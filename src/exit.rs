@@ -190,6 +190,7 @@ pub fn report_panics_as_bugs() {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::batch::FailedScene;
     use crate::error::UsageError;
 
     #[test]
@@ -208,12 +209,15 @@ mod tests {
     fn only_lists_have_lines_of_their_own() {
         let forged = Error::from(UsageError("bad name: a\x1b[2J\nerror: forged".to_owned())).context("scene 7");
         assert_eq!(message(&forged), r"scene 7: bad name: a\u001b[2J\nerror: forged");
-        let failed = vec![("a\nb".to_owned(), "no\x07 splat\nhere".to_owned())];
+        let failed = vec![FailedScene { scene: "a\nb".to_owned(), error: "no\x07 splat\nhere".to_owned() }];
         let list = BatchError::Incomplete { scenes: 2, failed, missing: vec!["c".to_owned()], lacks_answers: false };
         let lines: Vec<String> = message(&list.into()).lines().skip(1).map(str::to_owned).collect();
         assert_eq!(lines[0], r"  a\nb: no\u0007 splat");
         assert!(lines.len() == 2 && lines[1].starts_with("  c: it has no result"), "{lines:?}");
-        let failed = vec![("a".to_owned(), "no recorded answer for 1 of 2 questions:\n  view 000".to_owned())];
+        let failed = vec![FailedScene {
+            scene: "a".to_owned(),
+            error: "no recorded answer for 1 of 2 questions:\n  view 000".to_owned(),
+        }];
         let list =
             message(&BatchError::Incomplete { scenes: 1, failed, missing: Vec::new(), lacks_answers: true }.into());
         assert!(list.lines().count() == 3 && list.contains("`gprop answer`"), "{list}");

@@ -56,12 +56,18 @@ pub enum BatchError {
     )]
     Incomplete {
         scenes: usize,
-        /// The scenes that failed, each with its error.
-        failed: Vec<(String, String)>,
+        failed: Vec<FailedScene>,
         missing: Vec<String>,
         /// True if some failed because nobody was asked.
         lacks_answers: bool,
     },
+}
+
+/// A scene that failed.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct FailedScene {
+    pub scene: String,
+    pub error: String,
 }
 
 /// What to do about scenes without an answer.
@@ -69,9 +75,9 @@ const ANSWERS: &str = "\nName a model for the answers with --lmm-url and --lmm-m
                        the same command again";
 
 /// One line per scene.
-fn listed(failed: &[(String, String)], missing: &[String]) -> String {
+fn listed(failed: &[FailedScene], missing: &[String]) -> String {
     let first_line = |text: &str| one_line(text.lines().next().unwrap_or_default()).into_owned();
-    let failed = failed.iter().map(|(name, why)| format!("\n  {}: {}", one_line(name), first_line(why)));
+    let failed = failed.iter().map(|of| format!("\n  {}: {}", one_line(&of.scene), first_line(&of.error)));
     let unknown = "it has no result; its shard has not finished";
     let missing = missing.iter().map(|name| format!("\n  {}: {unknown}", one_line(name)));
     failed.chain(missing).collect()

@@ -37,7 +37,7 @@ use crate::words::output::{agreeing, counted};
 use crate::{config, files, workdir};
 
 pub use child::end_with_the_batch;
-pub use error::BatchError;
+pub use error::{BatchError, FailedScene};
 pub use ledger::{Known, Ledger};
 pub use options::Options;
 pub use outcome::{Outcome, State};

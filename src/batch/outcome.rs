@@ -15,6 +15,7 @@ use crate::vote::FieldPart;
 use crate::workdir::{self, Artifact};
 
 use super::Asked;
+use super::error::FailedScene;
 
 /// How a scene ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -139,6 +140,11 @@ impl Outcome {
             State::Done => outcome,
             State::Failed | State::Skipped => Self { error: Some(why), ..outcome },
         }
+    }
+
+    /// The scene as one that failed.
+    pub fn as_failed(&self) -> FailedScene {
+        FailedScene { scene: self.scene.clone(), error: self.error.clone().unwrap_or_default() }
     }
 
     /// True if it failed because answers are missing and nobody was asked for them.

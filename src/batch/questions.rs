@@ -26,10 +26,7 @@ use crate::workdir;
 
 use super::scheduler::Due;
 use super::select::Selected;
-use super::{Asked, Batch, BatchError, Ledger, News, State};
-
-/// Scenes for which a step failed, with the reason.
-pub type Failures = Vec<(String, String)>;
+use super::{Asked, Batch, BatchError, FailedScene, Ledger, News, State};
 
 /// The questions of a batch's scenes.
 pub struct BatchQuestions<'a> {
@@ -65,7 +62,7 @@ impl<'a> BatchQuestions<'a> {
     /// Segments all scenes and sends the questions that are neither recorded nor in progress. The first question is
     /// asked at once: a wrong key or model then shows immediately and not a day later. The cost of all questions is
     /// added up beforehand. A question that several scenes have is sent once, and its answer is recorded for each.
-    pub fn submit(&self) -> Result<(Sent, Failures)> {
+    pub fn submit(&self) -> Result<(Sent, Vec<FailedScene>)> {
         api::check_may_send(self.answers)?;
         self.client.ready().map_err(QueryError::BatchApi)?;
         let mut submitted = self.submitted()?;
@@ -84,7 +81,7 @@ impl<'a> BatchQuestions<'a> {
         let shared = RefCell::new(Vec::<SentQuestion>::new());
         let gather = |scene: &&Selected| {
             let open = self.requests(scene, first.as_ref()).unwrap_or_else(|error| {
-                failures.push((scene.name.clone(), error.to_string()));
+                failures.push(FailedScene { scene: scene.name.clone(), error: error.to_string() });
                 Vec::new()
             });
             let is_new = |request: &JobRequest| taken.insert(request.question.key.clone());
@@ -107,13 +104,13 @@ impl<'a> BatchQuestions<'a> {
 
     /// Fetches the jobs that have ended and records their answers, each with its scene. Answers for a scene that cannot
     /// be opened remain to be collected.
-    pub fn collect(&self) -> Result<(Collected, Failures)> {
+    pub fn collect(&self) -> Result<(Collected, Vec<FailedScene>)> {
         let mut submitted = self.submitted()?;
         if submitted.jobs.is_empty() {
             return Err(QueryError::NothingSubmitted.into());
         }
         let mut collected = Collected { jobs_file: self.path(), ..Collected::default() };
-        let mut failures = Failures::new();
+        let mut failures = Vec::new();
         for job in submitted.jobs.clone() {
             let Some(ended) = collected.fetch(&self.client, &job)? else { continue };
             let mut by_scene: BTreeMap<String, Vec<(SentQuestion, Answered)>> = BTreeMap::new();
@@ -124,7 +121,7 @@ impl<'a> BatchQuestions<'a> {
             for (scene, answered) in by_scene {
                 let all: Vec<SentQuestion> = answered.iter().map(|(waiting, _)| waiting.clone()).collect();
                 left.extend(self.record(&scene, answered, &mut collected).unwrap_or_else(|error| {
-                    failures.push((scene, error.to_string()));
+                    failures.push(FailedScene { scene, error: error.to_string() });
                     all
                 }));
             }
@@ -151,20 +148,20 @@ impl<'a> BatchQuestions<'a> {
     }
 
     /// The scenes that could be segmented, and the failures.
-    fn segmented(&self) -> Result<(Vec<&'a Selected>, Failures)> {
+    fn segmented(&self) -> Result<(Vec<&'a Selected>, Vec<FailedScene>)> {
         let all: Vec<&Selected> = self.batch.scenes().collect();
-        let mut failures = Failures::new();
+        let mut failures = Vec::new();
         let due: Vec<Due> = all.iter().map(|scene| Due { scene, asked: Asked::default() }).collect();
         self.batch.scheduler(Stage::Segment)?.run(&due, &|_| String::new(), &mut |news| {
             if let News::Ended(outcome) = news
                 && outcome.state == State::Failed
             {
-                failures.push((outcome.scene, outcome.error.unwrap_or_default()));
+                failures.push(outcome.as_failed());
             }
             Ok(())
         })?;
         failures.sort();
-        let failed = |scene: &&Selected| failures.iter().any(|(name, _)| *name == scene.name);
+        let failed = |scene: &&Selected| failures.iter().any(|of| of.scene == scene.name);
         Ok((all.into_iter().filter(|scene| !failed(scene)).collect(), failures))
     }
 

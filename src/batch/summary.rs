@@ -13,7 +13,7 @@ use crate::report::ESTIMATED;
 use crate::words::output::{counted, one_line};
 
 use super::select::Selected;
-use super::{Asked, BatchError, Outcome, State, table};
+use super::{Asked, BatchError, FailedScene, Outcome, State, table};
 
 /// Names of the files.
 const FILE: &str = "summary.json";
@@ -136,8 +136,7 @@ impl Summary {
     pub fn require_all(&self) -> Result<(), BatchError> {
         let failed = self.outcomes.iter().filter(|outcome| outcome.state == State::Failed);
         let lacks_answers = failed.clone().any(Outcome::lacks_answers);
-        let failed: Vec<(String, String)> =
-            failed.map(|outcome| (outcome.scene.clone(), outcome.error.clone().unwrap_or_default())).collect();
+        let failed: Vec<FailedScene> = failed.map(Outcome::as_failed).collect();
         if failed.is_empty() && self.missing.is_empty() {
             return Ok(());
         }

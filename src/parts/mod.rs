@@ -11,7 +11,8 @@
 //!
 //! Of a mesh, steps 1 and 2 are not needed: it says itself what is inside, and what its parts fill, see [`parts_of_mesh`].
 //!
-//! Steps 1 to 5 are in scene units and need no metric scale except for the walls of shells.
+//! Steps 1 to 5 are in scene units and need no metric scale except for the walls of shells. In this room a *label* is the index
+//! of a part in the field, which Gaussians and cells carry.
 
 mod assign;
 mod belief;

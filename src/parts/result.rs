@@ -80,11 +80,11 @@ impl Parts {
         self.belief.is_some() || self.known_mass.as_ref().is_some_and(|known| known.is_possible)
     }
 
-    /// Gives each label the density that is believed of its part.
-    pub fn set_densities(&self, labels: &mut [FieldPart]) {
+    /// Gives each part of the field the density that is believed of it.
+    pub fn set_densities(&self, voted: &mut [FieldPart]) {
         for part in self.whole_parts() {
-            if let Some(label) = labels.iter_mut().find(|label| label.id == part.id) {
-                label.density_kg_m3 = part.density_kg_m3;
+            if let Some(of) = voted.iter_mut().find(|of| of.id == part.id) {
+                of.density_kg_m3 = part.density_kg_m3;
             }
         }
     }
@@ -142,10 +142,10 @@ pub struct ObjectBelief {
 }
 
 impl ObjectBelief {
-    /// For each label, by its part id, the index of the way that is taken.
-    pub fn taken(&self, labels: &[FieldPart]) -> Vec<Option<usize>> {
-        let taken_of = |label: &FieldPart| self.parts.iter().find(|part| part.id == label.id).map(|part| part.taken);
-        labels.iter().map(taken_of).collect()
+    /// For each part of the field, the index of the way that is taken.
+    pub fn taken(&self, voted: &[FieldPart]) -> Vec<Option<usize>> {
+        let taken_of = |of: &FieldPart| self.parts.iter().find(|part| part.id == of.id).map(|part| part.taken);
+        voted.iter().map(taken_of).collect()
     }
 }
 

@@ -11,27 +11,27 @@ use crate::materials::MaterialLibrary;
 use crate::query::ask::evidence::OUTSIDE;
 use crate::vote::{Correction, FieldPart};
 
-/// The choices after a `correction`, if there were any before; `label` is the part as the user says that it is.
+/// The choices after a `correction`, if there were any before; `part` is the part as the user says that it is.
 pub fn corrected(
     mut choices: Vec<Possible>,
     correction: &Correction,
-    label: &FieldPart,
+    part: &FieldPart,
     library: &MaterialLibrary,
 ) -> Vec<Possible> {
     let Some(hypotheses) = choices.first().map(|choice| choice.under.len()) else { return choices };
     let mut agrees = Vec::with_capacity(choices.len());
     for choice in &mut choices {
-        let as_corrected = correction.applied(&choice.label, library);
-        let as_corrected = as_corrected.ok().filter(|_| correction.agrees_with(&choice.label, library));
+        let as_corrected = correction.applied(&choice.part, library);
+        let as_corrected = as_corrected.ok().filter(|_| correction.agrees_with(&choice.part, library));
         agrees.push(as_corrected.is_some());
         match as_corrected {
-            Some(as_corrected) => choice.label = FieldPart { corrected: label.corrected.clone(), ..as_corrected },
+            Some(as_corrected) => choice.part = FieldPart { corrected: part.corrected.clone(), ..as_corrected },
             None => choice.likelihood = 0.0,
         }
     }
     if !agrees.contains(&true) {
         let under = vec![OUTSIDE; hypotheses];
-        choices.push(Possible { label: label.clone(), under, likelihood: 1.0, stated_probability: 0.0 });
+        choices.push(Possible { part: part.clone(), under, likelihood: 1.0, stated_probability: 0.0 });
     } else if agrees.contains(&false) {
         (0..hypotheses).for_each(|hypothesis| take_over(&mut choices, &agrees, hypothesis));
     }
@@ -41,7 +41,7 @@ pub fn corrected(
 /// Whether any of the ways that the model holds possible agrees with the correction; also if the model says nothing of the part.
 pub fn agree(choices: &[Possible], correction: &Correction, library: &MaterialLibrary) -> bool {
     let agrees = |choice: &Possible| {
-        correction.agrees_with(&choice.label, library) && correction.applied(&choice.label, library).is_ok()
+        correction.agrees_with(&choice.part, library) && correction.applied(&choice.part, library).is_ok()
     };
     choices.is_empty() || choices.iter().any(agrees)
 }
@@ -74,7 +74,7 @@ mod tests {
     fn choices() -> Vec<Possible> {
         let library = MaterialLibrary::builtin();
         let choice = |material: &str, under: [f64; 2]| Possible {
-            label: FieldPart::of(1, library.get(material).unwrap()),
+            part: FieldPart::of(1, library.get(material).unwrap()),
             under: under.into(),
             likelihood: 0.7,
             stated_probability: 0.5,
@@ -84,8 +84,8 @@ mod tests {
 
     fn after(correction: &Correction) -> Vec<Possible> {
         let library = MaterialLibrary::builtin();
-        let label = correction.applied(&choices()[0].label, library).unwrap();
-        corrected(choices(), correction, &label, library)
+        let part = correction.applied(&choices()[0].part, library).unwrap();
+        corrected(choices(), correction, &part, library)
     }
 
     #[test]
@@ -93,7 +93,7 @@ mod tests {
         let found = after(&Correction { material: Some("abs".to_owned()), ..Correction::default() });
         assert_eq!(found.iter().map(|choice| choice.likelihood).collect::<Vec<_>>(), [0.0, 0.7]);
         assert_eq!(found[1].under, [OUTSIDE, 1.0]);
-        let answered = found[1].label.corrected.as_ref().map(|corrected| &*corrected.answered.material);
+        let answered = found[1].part.corrected.as_ref().map(|corrected| &*corrected.answered.material);
         assert_eq!(answered, Some("stainless steel 304"), "what the vote says, not what the choice says");
     }
 
@@ -101,7 +101,7 @@ mod tests {
     fn what_no_choice_says_becomes_the_only_one() {
         let found = after(&Correction { material: Some("aluminium 6061-t6".to_owned()), ..Correction::default() });
         assert_eq!(found.iter().map(|choice| choice.likelihood).collect::<Vec<_>>(), [0.0, 0.0, 1.0]);
-        assert_eq!((&*found[2].label.material, found[2].stated_probability), ("aluminium 6061-t6", 0.0));
+        assert_eq!((&*found[2].part.material, found[2].stated_probability), ("aluminium 6061-t6", 0.0));
         assert_eq!(found[2].under[0], found[2].under[1], "it says nothing of what the object is");
     }
 
@@ -118,8 +118,8 @@ mod tests {
     #[test]
     fn a_density_leaves_the_choices_as_they_are() {
         let found = after(&Correction { density_kg_m3: Some(Range::exactly(900.0)), ..Correction::default() });
-        assert!(found.len() == 2 && found.iter().all(|choice| choice.label.density_kg_m3.mid == 900.0), "{found:?}");
-        assert!(found.iter().all(|choice| choice.likelihood == 0.7 && choice.label.form == Form::Solid));
+        assert!(found.len() == 2 && found.iter().all(|choice| choice.part.density_kg_m3.mid == 900.0), "{found:?}");
+        assert!(found.iter().all(|choice| choice.likelihood == 0.7 && choice.part.form == Form::Solid));
         assert_eq!([&*found[0].under, &*found[1].under], [[1.0, 0.0], [0.0, 1.0]]);
     }
 }

@@ -45,7 +45,7 @@ pub struct Possibilities {
 /// One way in which a part may be made.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Possible {
-    pub label: FieldPart,
+    pub part: FieldPart,
     /// Its probability among the part's choices, by hypothesis.
     pub under: Vec<f64>,
     /// How probable the answer about the part by itself is if this is so, relative to the other choices; 1 if there is none.
@@ -95,27 +95,26 @@ impl Possibilities {
     pub fn new(answered: &ObjectAnswers, field: &MaterialField, library: &MaterialLibrary) -> Self {
         let ObjectAnswers { recognition, .. } = answered;
         let alternatives = answered.alternatives();
-        let recognized_as = |label: &FieldPart| {
-            let is_its =
-                |part: &RecognizedPart| part.numbers.first().is_some_and(|first| u32::from(*first) == label.id);
+        let recognized_as = |part: &FieldPart| {
+            let is_its = |of: &RecognizedPart| of.numbers.first().is_some_and(|first| u32::from(*first) == part.id);
             recognition.parts.iter().position(is_its)
         };
         let possible = |id: u32, of: &Alternative| Possible {
-            label: FieldPart::answered(id, &of.answer, library),
+            part: FieldPart::answered(id, &of.answer, library),
             under: of.under.clone(),
             likelihood: of.likelihood,
             stated_probability: of.stated_probability,
         };
         let mut stated_mass_counts = true;
-        let mut of_label = |label: &FieldPart| {
-            let of = recognized_as(label).map_or(&[][..], |part| &alternatives[part]);
-            let choices: Vec<Possible> = of.iter().map(|of| possible(label.id, of)).collect();
-            let Some(of) = &label.corrected else { return choices };
+        let mut of_label = |part: &FieldPart| {
+            let of = recognized_as(part).map_or(&[][..], |recognized| &alternatives[recognized]);
+            let choices: Vec<Possible> = of.iter().map(|of| possible(part.id, of)).collect();
+            let Some(of) = &part.corrected else { return choices };
             stated_mass_counts &= corrected::agree(&choices, &of.to, library);
-            corrected::corrected(choices, &of.to, label, library)
+            corrected::corrected(choices, &of.to, part, library)
         };
         let of_label = field.parts.iter().map(&mut of_label).collect();
-        let asked = |label: &FieldPart| answered.question_about(recognized_as(label)?).map(AskedPart::of);
+        let asked = |part: &FieldPart| answered.question_about(recognized_as(part)?).map(AskedPart::of);
         Self {
             hypotheses: recognition.hypotheses.clone(),
             stated_mass_counts,
@@ -133,23 +132,23 @@ impl Possibilities {
 
     /// The ways in which the part with this id may be made.
     pub fn ways_of(&self, id: u32) -> impl Iterator<Item = &FieldPart> {
-        self.of_label.iter().flatten().map(|possible| &possible.label).filter(move |label| label.id == id)
+        self.of_label.iter().flatten().map(|possible| &possible.part).filter(move |part| part.id == id)
     }
 
-    /// The labels of a field if every part is made in the way that is `taken` for it.
+    /// The parts of a field if each is made in the way that is `taken` for it.
     pub fn parts_taken(&self, field: &MaterialField, taken: &[Option<usize>]) -> Vec<FieldPart> {
-        let label_of = |((label, possible), taken): ((&FieldPart, &Vec<Possible>), &Option<usize>)| {
-            taken.and_then(|taken| possible.get(taken)).map_or_else(|| label.clone(), |possible| possible.label.clone())
+        let part_as_taken = |((part, possible), taken): ((&FieldPart, &Vec<Possible>), &Option<usize>)| {
+            taken.and_then(|taken| possible.get(taken)).map_or_else(|| part.clone(), |possible| possible.part.clone())
         };
-        field.parts.iter().zip(&self.of_label).zip(taken).map(label_of).collect()
+        field.parts.iter().zip(&self.of_label).zip(taken).map(part_as_taken).collect()
     }
 
-    /// The labels of a field if every part is made in the way of this index, or in its last way if it has fewer.
+    /// The parts of a field if each is made in the way of this index, or in its last way if it has fewer.
     pub fn parts_with(&self, field: &MaterialField, choice: usize) -> Vec<FieldPart> {
-        let label_of = |(label, possible): (&FieldPart, &Vec<Possible>)| {
-            possible.get(choice).or(possible.last()).map_or_else(|| label.clone(), |possible| possible.label.clone())
+        let part_as_chosen = |(part, possible): (&FieldPart, &Vec<Possible>)| {
+            possible.get(choice).or(possible.last()).map_or_else(|| part.clone(), |possible| possible.part.clone())
         };
-        field.parts.iter().zip(&self.of_label).map(label_of).collect()
+        field.parts.iter().zip(&self.of_label).map(part_as_chosen).collect()
     }
 }
 
@@ -388,7 +387,7 @@ fn parts(
     };
     let of_label = |(label, choices): (usize, &Vec<Possible>)| {
         let choice = |(index, choice): (usize, &Possible)| BelievedChoice {
-            material: choice.label.material.clone(),
+            material: choice.part.material.clone(),
             stated_probability: choice.stated_probability,
             probability: probability_of(states, posterior, label, index),
             under: probabilities_under(possible, states, posterior, label, index),
@@ -397,7 +396,7 @@ fn parts(
         };
         let first = choices.first()?;
         Some(BelievedPart {
-            id: first.label.id,
+            id: first.part.id,
             choices: choices.iter().enumerate().map(choice).collect(),
             taken: taken[label]?,
             asked: possible.asked[label].clone(),
@@ -465,9 +464,9 @@ mod tests {
     /// Two parts, each with two ways of being made, and two hypotheses, the second of which excludes a way.
     fn two_parts() -> (Possibilities, Vec<Vec<Weight>>, Vec<Vec<FieldPart>>, Unknowns) {
         let library = MaterialLibrary::builtin();
-        let label = |id: u32, material: &str| FieldPart::of(id, library.get(material).unwrap());
+        let part = |id: u32, material: &str| FieldPart::of(id, library.get(material).unwrap());
         let possible = |id, material: &str, under: [f64; 2]| Possible {
-            label: label(id, material),
+            part: part(id, material),
             under: under.into(),
             likelihood: 1.0,
             stated_probability: 0.5,
@@ -499,7 +498,7 @@ mod tests {
         let weights =
             vec![vec![weight(0, 0.6, 0.02), weight(1, 0.1, 0.2)], vec![weight(0, 0.08, 0.05), weight(1, 0.15, 0.05)]];
         let labels =
-            (0..2).map(|choice| possible.of_label.iter().map(|of| of[choice].label.clone()).collect()).collect();
+            (0..2).map(|choice| possible.of_label.iter().map(|of| of[choice].part.clone()).collect()).collect();
         (possible, weights, labels, unknowns)
     }
 
