@@ -4,6 +4,9 @@
 //! they may run before the typed ones, so that they find the results of the run instead of doing them again with the
 //! defaults.
 //!
+//! They take flags, not the options that `run.json` stores for each stage: options do not tell what was typed from a default, a
+//! preset, or the scene's `gprop.toml`, which may have changed since, and whether a value may be taken back is known by flag.
+//!
 //! A work folder may come with a scene from anyone. So the only flags that are recorded and taken back are those that a
 //! scene's `gprop.toml` may set, after the same checks, and `--preset`, which stands for such flags. If the user names
 //! the work folder, it is the user's own: then paths outside the scene are taken as well, and [the
