@@ -46,6 +46,7 @@ impl Linked {
                 "volume_m3": Estimate::exactly(1e-5),
                 "density_kg_m3": Estimate::exactly(1e4),
                 "mass_kg": Estimate::exactly(FILLING_KG),
+                "width": [],
                 "center_of_mass_m": first.center_of_mass_m,
                 "inertia_kg_m2": [[1e-5, 0.0, 0.0], [0.0, 1e-5, 0.0], [0.0, 0.0, 1e-5]],
             });
