@@ -303,6 +303,9 @@ pub struct ExportArgs {
     /// Links of the object in URDF, MJCF, SDF and USD: one rigid body, or each part by itself, fixed to its neighbour.
     #[arg(long, value_enum, default_value_t)]
     pub links: export::Links,
+    /// What the GLB shows of the object: a mesh for each part, its Gaussians, or both.
+    #[arg(long, value_enum, default_value_t)]
+    pub glb_look: export::GlbLook,
     /// Geoms of your gripper's pads, separated by commas: NAME_pads.xml beside the MJCF states the friction between each and the
     /// object as pairs.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = clap::builder::NonEmptyStringValueParser::new())]
@@ -310,6 +313,8 @@ pub struct ExportArgs {
     /// Surface with which the frictions are.
     #[arg(long, value_enum, default_value_t)]
     pub friction: export::Counterface,
+    #[command(flatten)]
+    pub credits: export::Credits,
     /// Folder to write into.
     #[arg(long, value_name = "DIR", required_unless_present = "list")]
     out: Option<PathBuf>,

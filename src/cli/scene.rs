@@ -173,9 +173,11 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
         origin: args.origin,
         at: args.at,
         floating: args.floating,
+        glb_look: args.glb_look,
         links: args.links,
         pad_geoms: &args.pad_geom,
         friction: args.friction,
+        credits: &args.credits,
     };
     let exported = pipeline::export::export(&mut pipeline, &wanted, args.out())?;
     let open = pipeline.opened();

@@ -1,66 +1,91 @@
-//! Meshes as glTF: `NAME.glb` has a closed mesh for each part, in the splat's colours; `NAME_colliders.glb` has the
-//! colliders, below a node for each part. A part's node has its properties as `extras`.
+//! Meshes as glTF: `NAME.glb` has a closed mesh for each part, in the splat's colours, below the node that moves, which also has the
+//! colliders and, if they are asked for, the Gaussians. In `NAME_colliders.glb`, the colliders are drawn, below a node for each part. A part's
+//! node has its properties as `extras`.
 
-use nalgebra::Point3;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::gltf::Gltf;
 use super::names::{self, within};
 use super::shape::PartMesh;
-use super::{ExportError, Files, Meshes, Model, asset_extras, body_name, identifier, part_facts};
+use super::table::{Body, BodyCollider};
+use super::{
+    ExportError, Files, GlbLook, Meshes, Model, Shared, asset_extras, body_name, gltf_physics, gltf_splat, identifier,
+    part_facts,
+};
 use crate::pictures::palette;
 
-pub(super) fn write(model: &Model, meshes: &Meshes, files: &mut Files) -> Result<(), ExportError> {
-    let (name, extras_of_asset) = (identifier(model.name), asset_extras(model, &meshes.placement));
-    let (body, names) = (body_name(model.name), names::of_parts(&model.field.parts));
-    let name_of = |part: u32| within(&body, &names[&part]);
-    let mut visual = Gltf::default();
-    visual.materials.push(json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.7 } }));
+pub(super) fn write(shared: &Shared, files: &mut Files) -> Result<(), ExportError> {
+    let (model, meshes) = (shared.model, shared.meshes()?);
+    let (name, extras) = (identifier(model.name), asset_extras(model, &meshes.placement));
+    let object = object(model, &meshes, shared.body()?);
+    files.write(format!("{name}.glb"), |out| object.write(&extras, out))?;
+    let colliders = colliders(model, &meshes);
+    files.write(format!("{name}_colliders.glb"), |out| colliders.write(&extras, out))
+}
+
+/// The file of the object; without physics, if it is no rigid body.
+fn object(model: &Model, meshes: &Meshes, body: Option<Body>) -> Gltf {
+    let mut gltf = Gltf::default();
     let mut nodes = Vec::new();
+    if model.glb_look != GlbLook::Splat {
+        add_parts(&mut gltf, model, meshes, &mut nodes);
+    }
+    if model.glb_look != GlbLook::Meshes {
+        nodes.push(gltf_splat::add_node(&mut gltf, model, &meshes.placement));
+    }
+    let name = body_name(model.name);
+    let mut extensions = Value::Null;
+    if let Some(Body { inertial, colliders, .. }) = body {
+        extensions = gltf_physics::motion(&inertial);
+        for BodyCollider { shape, friction, restitution } in colliders {
+            let mesh = gltf.mesh(&shape.vertices, &shape.triangles, &json!({}));
+            let material = gltf_physics::material(friction, restitution);
+            nodes.push(gltf.collider_node(&within(&name, &shape.name), mesh, material));
+        }
+    }
+    gltf.node_z_up_with(&name, &nodes, &meshes.placement.place(), &extensions);
+    gltf
+}
+
+fn add_parts(gltf: &mut Gltf, model: &Model, meshes: &Meshes, nodes: &mut Vec<usize>) {
+    gltf.materials.push(json!({ "pbrMetallicRoughness": { "metallicFactor": 0.0, "roughnessFactor": 0.7 } }));
+    let name_of = name_of(model);
     for PartMesh { part, mesh, colors } in meshes.parts {
-        let positions: Vec<[f32; 3]> = floats(&mesh.vertices);
         let normals: Vec<[f32; 3]> =
             mesh.shading_normals().iter().map(|n| [n.x as f32, n.y as f32, n.z as f32]).collect();
         let attributes = json!({
-            "POSITION": visual.floats(&positions, true),
-            "NORMAL": visual.floats(&normals, false),
-            "COLOR_0": visual.colors(colors, |_| 1.0),
+            "NORMAL": gltf.floats(&normals, false),
+            "COLOR_0": gltf.colors(colors, |_| 1.0),
         });
-        let primitive =
-            json!({ "attributes": attributes, "indices": visual.triangles(&mesh.triangles), "material": 0 });
-        visual.meshes.push(json!({ "primitives": [primitive] }));
-        let mesh = visual.meshes.len() - 1;
-        nodes.push(visual.node(json!({ "name": name_of(*part), "mesh": mesh, "extras": part_facts(model, *part) })));
+        let mesh = gltf.mesh(&mesh.vertices, &mesh.triangles, &json!({ "attributes": attributes, "material": 0 }));
+        nodes.push(gltf.node(json!({ "name": name_of(*part), "mesh": mesh, "extras": part_facts(model, *part) })));
     }
-    visual.node_z_up(&body, &nodes, &meshes.placement.place());
-    files.write(format!("{name}.glb"), |out| visual.write(&[], &extras_of_asset, out))?;
+}
 
-    let mut colliders = Gltf::default();
+/// The file that shows the colliders.
+fn colliders(model: &Model, meshes: &Meshes) -> Gltf {
+    let (mut gltf, body, name_of) = (Gltf::default(), body_name(model.name), name_of(model));
     let mut nodes = Vec::new();
     for of_part in meshes.shape.colliders.chunk_by(|a, b| a.part == b.part) {
         let part = of_part[0].part;
         let [r, g, b] = palette::part(part);
-        colliders
-            .materials
+        gltf.materials
             .push(json!({ "pbrMetallicRoughness": { "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.0 } }));
-        let material = colliders.materials.len() - 1;
+        let material = gltf.materials.len() - 1;
         let mut children = Vec::new();
         for collider in of_part {
-            let attributes = json!({ "POSITION": colliders.floats(&floats(&collider.vertices), true) });
-            let indices = colliders.triangles(&collider.triangles);
-            colliders.meshes.push(
-                json!({ "primitives": [{ "attributes": attributes, "indices": indices, "material": material }] }),
-            );
-            let mesh = colliders.meshes.len() - 1;
-            children.push(colliders.node(json!({ "name": within(&body, &collider.name), "mesh": mesh })));
+            let mesh = gltf.mesh(&collider.vertices, &collider.triangles, &json!({ "material": material }));
+            children.push(gltf.node(json!({ "name": within(&body, &collider.name), "mesh": mesh })));
         }
         let node = json!({ "name": name_of(part), "children": children, "extras": part_facts(model, part) });
-        nodes.push(colliders.node(node));
+        nodes.push(gltf.node(node));
     }
-    colliders.node_z_up(&body, &nodes, &meshes.placement.place());
-    files.write(format!("{name}_colliders.glb"), |out| colliders.write(&[], &extras_of_asset, out))
+    gltf.node_z_up(&body, &nodes, &meshes.placement.place());
+    gltf
 }
 
-fn floats(points: &[Point3<f64>]) -> Vec<[f32; 3]> {
-    points.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect()
+/// The name of each part's node.
+fn name_of(model: &Model) -> impl Fn(u32) -> String {
+    let (body, names) = (body_name(model.name), names::of_parts(&model.field.parts));
+    move |part| within(&body, &names[&part])
 }

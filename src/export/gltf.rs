@@ -2,12 +2,15 @@
 //!
 //! glTF is in metres with y up; [`Gltf::node_z_up`] turns gprop's z up into that.
 
+use std::collections::BTreeSet;
 use std::io::{self, Write};
 
-use nalgebra::Vector3;
+use nalgebra::{Point3, Vector3};
 use serde_json::{Value, json};
 
+use super::gltf_physics;
 use crate::numeric::srgb_light;
+use crate::scene::mesh::gltf::physics::EXTENSION as PHYSICS;
 use crate::scene::mesh::gltf::{binary_chunk, write_glb};
 
 /// `GL_FLOAT`, `GL_UNSIGNED_INT`, `GL_UNSIGNED_SHORT`.
@@ -52,8 +55,9 @@ pub struct Gltf {
     textures: Vec<Value>,
     nodes: Vec<Value>,
     roots: Vec<usize>,
-    /// Of the whole file; nothing if null.
-    pub extensions: Value,
+    physics_materials: Vec<Value>,
+    /// The extensions that the file uses.
+    extensions: BTreeSet<String>,
 }
 
 impl Gltf {
@@ -137,19 +141,44 @@ impl Gltf {
         self.textures.len() - 1
     }
 
+    /// Notes that the file uses an extension.
+    pub fn uses(&mut self, extension: &str) {
+        self.extensions.insert(extension.to_owned());
+    }
+
+    /// The index of a physics material, which is added if there is none like it.
+    pub fn physics_material(&mut self, material: Value) -> usize {
+        self.physics_materials.iter().position(|known| *known == material).unwrap_or_else(|| {
+            self.physics_materials.push(material);
+            self.physics_materials.len() - 1
+        })
+    }
+
+    /// Adds a mesh of one primitive, which also has the members of `look`, and returns its index.
+    pub fn mesh(&mut self, vertices: &[Point3<f64>], triangles: &[[u32; 3]], look: &Value) -> usize {
+        let positions: Vec<[f32; 3]> = vertices.iter().map(|p| [p.x as f32, p.y as f32, p.z as f32]).collect();
+        let mut primitive = look.clone();
+        primitive["attributes"]["POSITION"] = json!(self.floats(&positions, true));
+        primitive["indices"] = json!(self.triangles(triangles));
+        self.meshes.push(json!({ "primitives": [primitive] }));
+        self.meshes.len() - 1
+    }
+
+    /// Adds a node that collides as the hull of a mesh; it has a physics material unless `material` is null.
+    pub fn collider_node(&mut self, name: &str, mesh: usize, material: Value) -> usize {
+        self.uses(PHYSICS);
+        let material = (!material.is_null()).then(|| self.physics_material(material));
+        self.node(json!({ "name": name, "extensions": gltf_physics::collider(mesh, material) }))
+    }
+
     /// Adds a node of the tree.
     pub fn node(&mut self, node: Value) -> usize {
         self.nodes.push(node);
         self.nodes.len() - 1
     }
 
-    pub fn node_mut(&mut self, node: usize) -> &mut Value {
-        &mut self.nodes[node]
-    }
-
-    /// Adds all of a file that gprop wrote without pictures: its JSON and its bytes. Returns the first node without parent; `None`
-    /// if it is not such a file.
-    pub fn join(&mut self, file: &Value, bytes: &[u8]) -> Option<usize> {
+    /// Adds all of a file that gprop wrote without pictures: its JSON and its bytes. `None` if it is not such a file.
+    pub fn join(&mut self, file: &Value, bytes: &[u8]) -> Option<()> {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let behind = self.bytes.len();
         self.bytes.extend_from_slice(bytes);
@@ -168,16 +197,24 @@ impl Gltf {
             }
             self.meshes.push(mesh);
         }
+        let materials_of_file = file["extensions"][PHYSICS]["physicsMaterials"].as_array().cloned().unwrap_or_default();
+        let physics_materials: Vec<usize> =
+            materials_of_file.into_iter().map(|material| self.physics_material(material)).collect();
+        self.extensions.extend(list("extensionsUsed").filter_map(|name| Some(name.as_str()?.to_owned())));
         for node in list("nodes") {
             let mut node = moved(node, "mesh", meshes);
+            if let Some(collider) = node.pointer_mut(&format!("/extensions/{PHYSICS}/collider")) {
+                shift(&mut collider["geometry"]["mesh"], meshes);
+                if let Some(material) = collider.get_mut("physicsMaterial") {
+                    *material = json!(physics_materials.get(index(material)?)?);
+                }
+            }
             let children = node.get_mut("children").and_then(Value::as_array_mut);
             children.into_iter().flatten().for_each(|child| shift(child, nodes));
             self.nodes.push(node);
         }
-        let roots: Vec<usize> =
-            file["scenes"][0]["nodes"].as_array()?.iter().filter_map(index).map(|at| nodes + at).collect();
-        self.roots.extend(&roots);
-        roots.first().copied().filter(|root| *root < self.nodes.len())
+        self.roots.extend(file["scenes"][0]["nodes"].as_array()?.iter().filter_map(index).map(|at| nodes + at));
+        Some(())
     }
 
     /// Adds a node without parent, whose children are in axes with z up and moved to `place`.
@@ -201,7 +238,7 @@ impl Gltf {
     }
 
     /// The file. `extras`: what it says of the whole asset; nothing if null.
-    pub fn write(mut self, extensions: &[&str], extras: &Value, out: &mut dyn Write) -> io::Result<()> {
+    pub fn write(mut self, extras: &Value, out: &mut dyn Write) -> io::Result<()> {
         self.bytes.resize(self.bytes.len().next_multiple_of(4), 0);
         let mut json = json!({
             "asset": { "version": "2.0", "generator": concat!("gprop ", env!("CARGO_PKG_VERSION")) },
@@ -226,11 +263,11 @@ impl Gltf {
         for (name, list) in others.into_iter().filter(|(_, list)| !list.is_empty()) {
             json[name] = json!(list);
         }
-        if !self.extensions.is_null() {
-            json["extensions"] = self.extensions;
+        if !self.physics_materials.is_empty() {
+            json["extensions"] = json!({ PHYSICS: { "physicsMaterials": self.physics_materials } });
         }
-        if !extensions.is_empty() {
-            json["extensionsUsed"] = json!(extensions);
+        if !self.extensions.is_empty() {
+            json["extensionsUsed"] = json!(self.extensions);
         }
         write_glb(json.to_string().as_bytes(), &[binary_chunk(self.bytes)], out)
     }

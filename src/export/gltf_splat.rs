@@ -10,23 +10,29 @@ use super::{ExportError, Files, Model, Splat, asset_extras, identifier};
 use crate::gaussians::SH_C0;
 use crate::vote::FieldPart;
 
-pub(super) const EXTENSION: &str = "KHR_gaussian_splatting";
+const EXTENSION: &str = "KHR_gaussian_splatting";
 
 /// In metres if the scale is known, in scene units otherwise.
 pub(super) fn write(model: &Model, placement: &Placement, files: &mut Files) -> Result<(), ExportError> {
     let mut gltf = Gltf::default();
-    let mesh = add(&mut gltf, &model.splat(placement));
+    let node = add_node(&mut gltf, model, placement);
+    let (name, extras) = (identifier(model.name), asset_extras(model, placement));
+    gltf.node_z_up(&name, &[node], &placement.place());
+    files.write(format!("{name}_splat.glb"), |out| gltf.write(&extras, out))
+}
+
+/// Adds a node with the model's Gaussians.
+pub(super) fn add_node(gltf: &mut Gltf, model: &Model, placement: &Placement) -> usize {
+    let mesh = add(gltf, &model.splat(placement));
     let of_label =
         |label: &FieldPart| json!({ "part": label.id, "caption": label.caption, "material": label.material });
     let labels: Vec<_> = model.field.parts.iter().map(of_label).collect();
-    let node = gltf.node(json!({ "name": "splat", "mesh": mesh, "extras": { "parts": labels } }));
-    let (name, extras) = (identifier(model.name), asset_extras(model, placement));
-    gltf.node_z_up(&name, &[node], &placement.place());
-    files.write(format!("{name}_splat.glb"), |out| gltf.write(&[EXTENSION], &extras, out))
+    gltf.node(json!({ "name": "splat", "mesh": mesh, "extras": { "parts": labels } }))
 }
 
 /// Adds the Gaussians as a mesh, and returns its index.
 pub(super) fn add(gltf: &mut Gltf, splat: &Splat) -> usize {
+    gltf.uses(EXTENSION);
     let Splat { gaussians, meters_per_unit: meters, origin, field } = *splat;
     let all = || 0..gaussians.len();
     let mut attributes = Map::new();

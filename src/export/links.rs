@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::shape::{Contact, Shape, Skin, skin_of};
+use super::shape::{Contact, Painter, Shape, Skin, skins_of};
 use super::{Model, body_name, names};
 use crate::parts::Parts;
 
@@ -59,18 +59,14 @@ impl Inertial {
 }
 
 /// The links, each after its parent.
-pub fn of(model: &Model, parts: &Parts, shape: &Shape) -> Vec<Link> {
+pub fn of(model: &Model, parts: &Parts, shape: &Shape, painter: &Painter) -> Vec<Link> {
     let mut weighed = by_part(parts);
     let whole: f64 = weighed.values().flatten().map(|body| body.mass_kg).sum();
     let factor = parts.object.mass_kg.mid / whole;
     let has_collider = |id: &u32| shape.colliders.iter().any(|collider| collider.part == *id);
-    let mut skins: BTreeMap<u32, Skin> = BTreeMap::new();
-    for id in weighed.keys().filter(|id| has_collider(id)) {
-        let skin = skin_of(model, shape, Some(*id));
-        if skin.mesh.volume() > 0.0 {
-            skins.insert(*id, skin);
-        }
-    }
+    let solid: Vec<u32> = weighed.keys().copied().filter(has_collider).collect();
+    let mut skins: BTreeMap<u32, Skin> = solid.iter().copied().zip(skins_of(painter, shape, &solid)).collect();
+    skins.retain(|_, skin| skin.mesh.volume() > 0.0);
     let mass_of = |id: &u32| weighed[id].iter().map(|body| body.mass_kg).sum::<f64>();
     let Some(root) = skins.keys().copied().max_by(|a, b| mass_of(a).total_cmp(&mass_of(b)).then(b.cmp(a))) else {
         return Vec::new();

@@ -2,7 +2,7 @@
 //!
 //! - [`mjcf`], [`urdf`], [`sdf`]: a rigid body for simulators, with its [`shape`] as convex colliders and as a picture on a mesh;
 //! - [`usd`]: the same with its Gaussians and the places to grasp at;
-//! - [`glb`]: meshes of the parts, or the convex colliders; [`gltf_splat`]: the Gaussians;
+//! - [`glb`]: meshes of the parts with their [physics](gltf_physics), or the convex colliders; [`gltf_splat`]: the Gaussians;
 //! - [`ply_parts`]: the Gaussians of each part;
 //! - [`npz`]: every number as NumPy arrays; [`belief`]: samples of what is believed;
 //! - [`physgaussian`]: a model folder and configuration for the MPM simulator PhysGaussian and its forks;
@@ -15,9 +15,11 @@
 
 mod asset;
 mod belief;
+mod credits;
 mod format;
 mod glb;
 pub(crate) mod gltf;
+mod gltf_physics;
 mod gltf_splat;
 mod links;
 mod mjcf;
@@ -56,11 +58,12 @@ use crate::scene::SupportSurface;
 use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::{FieldPart, MaterialField};
 pub use asset::{Asset, Colliders, below};
+pub use credits::Credits;
 pub use format::{Format, Frame, Listed, list, text};
 use links::{Inertial, Link};
 pub use placement::Origin;
 use placement::{Axes, Placement};
-use shape::{Collider, PartMesh, Shape, Skin};
+use shape::{Collider, Painter, PartMesh, Shape, Skin};
 pub use summary::{LeftOut, write_summary};
 use summary::{ObjectSummary, Provenance};
 use table::BodyCollider;
@@ -86,6 +89,19 @@ pub enum Links {
     One,
     /// Each part by itself, fixed to its neighbour, so that it can be jointed, broken off or replaced
     Parts,
+}
+
+/// What `NAME.glb` shows.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
+#[serde(rename_all = "snake_case")]
+pub enum GlbLook {
+    /// A closed mesh for each part
+    #[default]
+    Meshes,
+    /// The Gaussians (`KHR_gaussian_splatting`)
+    Splat,
+    /// Both, one on the other
+    Both,
 }
 
 /// The data to export.
@@ -118,8 +134,10 @@ pub struct Model<'a> {
     /// Whether a URDF's object hangs on a floating joint. It does too if it stands elsewhere by default: a root has no pose.
     pub floating: bool,
     pub links: Links,
+    pub glb_look: GlbLook,
     /// Names of the geoms of a gripper's pads, for which MJCF has pairs with the object's.
     pub pad_geoms: &'a [String],
+    pub credits: &'a Credits,
     /// Name of the file that holds the splat.
     pub source: &'a str,
     /// The models or persons with recorded answers.
@@ -161,6 +179,13 @@ struct Splat<'a> {
     origin: Vector3<f64>,
     /// The parts that they belong to; `None` if they were not divided into any.
     field: Option<&'a MaterialField>,
+}
+
+impl Splat<'_> {
+    /// The indices of all Gaussians.
+    fn all(&self) -> Vec<usize> {
+        (0..self.gaussians.len()).collect()
+    }
 }
 
 /// An error of the export.
@@ -255,6 +280,11 @@ impl File {
     /// A file that was just written and belongs to no format.
     pub fn of(path: PathBuf) -> Self {
         Self { bytes: path.metadata().map_or(0, |file| file.len()), path, formats: Vec::new() }
+    }
+
+    fn belongs_to(&mut self, format: Option<Format>) {
+        let is_new = |format: &Format| !self.formats.contains(format);
+        self.formats.extend(format.filter(is_new));
     }
 }
 
@@ -377,9 +407,9 @@ fn write(format: Format, shared: &Shared, in_place: &Shared, files: &mut Files) 
         Format::Mjcf => mjcf::write(&shared.rigid()?, files),
         Format::Urdf => urdf::write(&shared.rigid()?, files),
         Format::Sdf => sdf::write(shared, files),
-        Format::Usda => usd::write_usda(model, &shared.rigid()?, files),
-        Format::Usdz => usd::write_usdz(model, &shared.rigid()?, files),
-        Format::Glb => glb::write(model, &shared.meshes()?, files),
+        Format::Usda => usd::write_usda(&shared.rigid()?, shared.usd()?, files),
+        Format::Usdz => usd::write_usdz(&shared.rigid()?, shared.usd()?, files),
+        Format::Glb => glb::write(shared, files),
         Format::GltfSplat => gltf_splat::write(model, &shared.placement()?, files),
         Format::PlyParts => ply_parts::write(model, files),
         Format::Npz => npz::write(model, files),
@@ -415,9 +445,11 @@ fn without_set_aside(model: &Model) -> Option<Kept> {
 struct Shared<'a> {
     model: &'a Model<'a>,
     shape: OnceCell<Shape>,
+    painter: OnceCell<Painter<'a>>,
     skin: OnceCell<Skin>,
     part_meshes: OnceCell<Vec<PartMesh>>,
     links: OnceCell<Vec<Link>>,
+    usd: OnceCell<usd::Layer>,
 }
 
 impl<'a> Shared<'a> {
@@ -425,9 +457,11 @@ impl<'a> Shared<'a> {
         Self {
             model,
             shape: OnceCell::new(),
+            painter: OnceCell::new(),
             skin: OnceCell::new(),
             part_meshes: OnceCell::new(),
             links: OnceCell::new(),
+            usd: OnceCell::new(),
         }
     }
 }
@@ -444,9 +478,14 @@ impl Shared<'_> {
         Ok(self.shape.get_or_init(|| shape.around(origin)))
     }
 
+    fn painter(&self) -> Result<&Painter<'_>, ExportError> {
+        let (shape, Model { gaussians, cameras, .. }) = (self.shape()?, self.model);
+        Ok(self.painter.get_or_init(|| shape.painter(gaussians, cameras)))
+    }
+
     fn part_meshes(&self) -> Result<&[PartMesh], ExportError> {
-        let shape = self.shape()?;
-        let meshes = self.part_meshes.get_or_init(|| shape::part_meshes(self.model, shape));
+        let (shape, painter) = (self.shape()?, self.painter()?);
+        let meshes = self.part_meshes.get_or_init(|| shape::part_meshes(painter, shape));
         if meshes.is_empty() { Err(ExportError::NoShape) } else { Ok(meshes) }
     }
 
@@ -455,8 +494,8 @@ impl Shared<'_> {
         if self.model.links == Links::One {
             return Ok(&[]);
         }
-        let (parts, shape) = (self.parts()?, self.shape()?);
-        Ok(self.links.get_or_init(|| links::of(self.model, parts, shape)))
+        let (parts, shape, painter) = (self.parts()?, self.shape()?, self.painter()?);
+        Ok(self.links.get_or_init(|| links::of(self.model, parts, shape, painter)))
     }
 
     fn meshes(&self) -> Result<Meshes<'_>, ExportError> {
@@ -513,7 +552,6 @@ impl Shared<'_> {
     /// `None` if the object has no mass or no collider.
     fn body(&self) -> Result<Option<Body>, ExportError> {
         let (Ok(parts), shape) = (self.parts(), self.shape()?) else { return Ok(None) };
-        let object = &parts.object;
         let labels = &self.model.field.parts;
         let placement = self.placement()?;
         let collider_of = |collider: &Collider| BodyCollider {
@@ -524,18 +562,22 @@ impl Shared<'_> {
         Ok((!shape.colliders.is_empty()).then(|| Body {
             name: body_name(self.model.name),
             place_m: placement.place(),
-            mass_kg: object.mass_kg.mid,
-            center_m: (Vector3::from(object.center_of_mass_m) - placement.origin).into(),
-            inertia_kg_m2: object.inertia_kg_m2,
+            inertial: inertial_of(parts, &placement),
             colliders: shape.colliders.iter().map(collider_of).collect(),
         }))
+    }
+
+    fn usd(&self) -> Result<&usd::Layer, ExportError> {
+        let rigid = self.rigid()?;
+        Ok(self.usd.get_or_init(|| usd::Layer::of(self.model, &rigid)))
     }
 
     fn rigid(&self) -> Result<Rigid<'_>, ExportError> {
         let parts = self.parts()?;
         let shape = self.shape()?;
-        let skin = self.skin.get_or_init(|| shape::skin_of(self.model, shape, None));
-        if shape.colliders.is_empty() || skin.mesh.volume() <= 0.0 {
+        let (links, painter) = (self.links()?, self.painter()?);
+        let skin = links.is_empty().then(|| self.skin.get_or_init(|| shape::skin_of(painter, shape)));
+        if shape.colliders.is_empty() || skin.is_some_and(|skin| skin.mesh.volume() <= 0.0) {
             return Err(ExportError::NoShape);
         }
         let placement = self.placement()?;
@@ -547,10 +589,11 @@ impl Shared<'_> {
             skin,
             grasps: moved(self.model.grasps, placement.origin),
             on_steel: self.model.on_steel,
+            credits: self.model.credits,
             source: self.model.source,
             note_on_scale: self.model.note_on_scale(),
             own_mesh: None,
-            links: self.links()?,
+            links,
             pad_geoms: self.model.pad_geoms,
             floating: self.model.floating || self.model.at != Vector3::zeros(),
             placement,
@@ -572,9 +615,11 @@ struct Rigid<'a> {
     parts: &'a Parts,
     labels: &'a [FieldPart],
     colliders: &'a [Collider],
-    skin: &'a Skin,
+    /// `None` if each link has its own.
+    skin: Option<&'a Skin>,
     grasps: Cow<'a, [Candidate]>,
     on_steel: Option<&'a MaterialLibrary>,
+    credits: &'a Credits,
     source: &'a str,
     note_on_scale: Option<&'static str>,
     placement: Placement,
@@ -604,9 +649,7 @@ impl Rigid<'_> {
 
     /// The mass properties of the whole: the middle estimates.
     fn inertial(&self) -> Inertial {
-        let object = &self.parts.object;
-        let center = Vector3::from(object.center_of_mass_m) - self.placement.origin;
-        Inertial::new(object.mass_kg.mid, center.into(), object.inertia_kg_m2)
+        inertial_of(self.parts, &self.placement)
     }
 
     /// The index of the link to which a collider belongs: the root, if there are none.
@@ -621,10 +664,8 @@ impl Rigid<'_> {
 
     /// What is shown: the skin of the whole, or of each link.
     fn skins(&self) -> Vec<(&str, &Skin)> {
-        if self.links.is_empty() {
-            return vec![(&self.name, self.skin)];
-        }
-        self.links.iter().map(|link| (link.name.as_str(), &link.skin)).collect()
+        let whole = self.skin.map(|skin| (self.name.as_str(), skin));
+        whole.into_iter().chain(self.links.iter().map(|link| (link.name.as_str(), &link.skin))).collect()
     }
 
     /// The least friction of these colliders; of all parts that have a mass, if there are none.
@@ -643,7 +684,8 @@ impl Rigid<'_> {
 
     /// The corners of the box around the colliders, m; around the skin, if there are none.
     fn extent(&self) -> (Point3<f64>, Point3<f64>) {
-        let of_skin = self.skin.mesh.vertices.iter().filter(|_| self.colliders.is_empty());
+        let of_skin = self.skins().into_iter().flat_map(|(_, skin)| &skin.mesh.vertices);
+        let of_skin = of_skin.filter(|_| self.colliders.is_empty());
         let mut vertices = self.colliders.iter().flat_map(|collider| &collider.vertices).chain(of_skin);
         let first = *vertices.next().expect("an object with a mass has a shape");
         vertices.fold((first, first), |(low, high), v| (low.inf(v), high.sup(v)))
@@ -666,6 +708,13 @@ impl Rigid<'_> {
     fn collider_name(&self, collider: &Collider) -> String {
         names::within(&self.name, &collider.name)
     }
+}
+
+/// The mass properties of the whole: the middle estimates.
+fn inertial_of(parts: &Parts, placement: &Placement) -> Inertial {
+    let object = &parts.object;
+    let center = Vector3::from(object.center_of_mass_m) - placement.origin;
+    Inertial::new(object.mass_kg.mid, center.into(), object.inertia_kg_m2)
 }
 
 /// The least friction of all parts that have a mass.
@@ -699,17 +748,6 @@ fn least_restitution(labels: &[FieldPart]) -> Option<f64> {
     labels.iter().filter_map(restitution).reduce(f64::min)
 }
 
-/// A physics material of `KHR_physics_rigid_bodies`. Of two materials that touch, the larger restitution counts, since that of
-/// a hard floor is not known to the file.
-fn gltf_physics_material(friction: f64, restitution: Option<f64>) -> Value {
-    let mut material = json!({ "staticFriction": friction, "dynamicFriction": friction });
-    if let Some(restitution) = restitution {
-        material["restitution"] = json!(restitution);
-        material["restitutionCombine"] = json!("maximum");
-    }
-    material
-}
-
 /// Places to grasp at, relative to an origin.
 fn moved(places: &[Candidate], origin: Vector3<f64>) -> Cow<'_, [Candidate]> {
     if origin == Vector3::zeros() {
@@ -724,11 +762,14 @@ fn moved(places: &[Candidate], origin: Vector3<f64>) -> Cow<'_, [Candidate]> {
     Cow::Owned(places.collect())
 }
 
-/// What a glTF says of the whole asset: its place in the input's frame, and the note on the scale if there is one.
+/// What a glTF says of the whole asset: its place in the input's frame, the note on the scale if there is one, and the credits.
 fn asset_extras(model: &Model, placement: &Placement) -> Value {
     let mut extras = json!({ "input_from_asset": placement.input_from_asset(Axes::YUp) });
     if let Some(note) = model.note_on_scale() {
         extras["note"] = json!(note);
+    }
+    if let Some(said) = model.credits.said() {
+        extras["credits"] = said;
     }
     extras
 }
@@ -816,6 +857,22 @@ impl<'a> Files<'a> {
         self.fill(name.as_ref(), Box::new(fill))
     }
 
+    /// Writes a file that several formats have in common, if none of them has written it yet.
+    fn share(
+        &mut self,
+        name: impl AsRef<Path>,
+        fill: impl FnOnce(&mut dyn io::Write) -> io::Result<()>,
+    ) -> Result<(), ExportError> {
+        let path = self.folder.join(&name);
+        match self.written.iter_mut().find(|known| known.path == path) {
+            Some(known) => {
+                known.belongs_to(self.format);
+                Ok(())
+            }
+            None => self.write(name, fill),
+        }
+    }
+
     fn fill(&mut self, name: &Path, fill: Fill<'_>) -> Result<(), ExportError> {
         let path = self.folder.join(name);
         if path.canonicalize().is_ok_and(|path| self.inputs.contains(&path)) {
@@ -829,7 +886,7 @@ impl<'a> Files<'a> {
             return Ok(());
         };
         known.bytes = bytes;
-        known.formats.extend(self.format.filter(|format| !known.formats.contains(format)));
+        known.belongs_to(self.format);
         Ok(())
     }
 }

@@ -41,11 +41,11 @@ fn skin_material(picture: &str) -> String {
 }
 
 /// A picture as PNG.
-pub fn png(picture: &image::RgbImage) -> std::io::Result<Vec<u8>> {
+pub fn png(picture: &image::RgbImage) -> Vec<u8> {
     let mut bytes = Vec::new();
     let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
-    picture.write_with_encoder(encoder).map_err(std::io::Error::other)?;
-    Ok(bytes)
+    picture.write_with_encoder(encoder).expect("a list of bytes can be written to");
+    bytes
 }
 
 fn write_vertices(text: &mut String, vertices: &[Point3<f64>]) {
@@ -58,14 +58,14 @@ fn write_vertices(text: &mut String, vertices: &[Point3<f64>]) {
 /// Writes the convex colliders and the skin into `meshes/`, all under names that begin with the object's.
 pub fn write_meshes(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     for collider in rigid.colliders {
-        let mesh = mesh(&collider.vertices, &collider.triangles);
-        files.write(format!("meshes/{}.obj", rigid.collider_name(collider)), |out| out.write_all(mesh.as_bytes()))?;
+        let text = || mesh(&collider.vertices, &collider.triangles);
+        files.share(format!("meshes/{}.obj", rigid.collider_name(collider)), |out| out.write_all(text().as_bytes()))?;
     }
     for (name, shown) in rigid.skins() {
         let [text, materials, picture] = ["obj", "mtl", "png"].map(|ending| format!("{name}_skin.{ending}"));
-        files.write(format!("meshes/{text}"), |out| out.write_all(skin(shown, &materials).as_bytes()))?;
-        files.write(format!("meshes/{materials}"), |out| out.write_all(skin_material(&picture).as_bytes()))?;
-        files.write(format!("meshes/{picture}"), |out| out.write_all(&png(&shown.picture)?))?;
+        files.share(format!("meshes/{text}"), |out| out.write_all(skin(shown, &materials).as_bytes()))?;
+        files.share(format!("meshes/{materials}"), |out| out.write_all(skin_material(&picture).as_bytes()))?;
+        files.share(format!("meshes/{picture}"), |out| out.write_all(&shown.picture))?;
     }
     Ok(())
 }

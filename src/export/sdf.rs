@@ -30,14 +30,8 @@ fn write_parts(text: &mut String, rigid: &Rigid) {
             friction: rigid.friction(collider),
             restitution: restitution(rigid.label(collider)),
         });
-        let written = Link {
-            name: &link.name,
-            origin: link.joint,
-            mass_kg: link.inertial.mass_kg,
-            center_m: link.inertial.center_m,
-            inertia: link.inertial.inertia,
-            colliders: colliders.collect(),
-        };
+        let written =
+            Link { name: &link.name, origin: link.joint, inertial: link.inertial, colliders: colliders.collect() };
         write_link(text, &written);
     }
     for link in rigid.links {

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::format::{self, Format, Frame};
 use super::names::{self, within};
 use super::placement::Axes;
-use super::{ExportError, Exported, File, Files, Model, Shared, body_name, friction_range, restitution};
+use super::{Credits, ExportError, Exported, File, Files, Model, Shared, body_name, friction_range, restitution};
 use crate::config::in_json;
 use crate::files::json::pretty;
 use crate::parts::Filling;
@@ -27,6 +27,7 @@ pub struct Provenance {
     answered_by: Vec<String>,
     scale: Option<MetricScale>,
     is_on_steel: bool,
+    credits: Credits,
 }
 
 impl Provenance {
@@ -36,6 +37,7 @@ impl Provenance {
             answered_by: model.answered_by.to_vec(),
             scale: model.scale.cloned(),
             is_on_steel: model.on_steel.is_some(),
+            credits: model.credits.clone(),
         }
     }
 }
@@ -123,6 +125,9 @@ struct Summary<'a> {
     scale: Option<Value>,
     frames: BTreeMap<Frame, Value>,
     friction_on: &'static str,
+    /// What the user said of it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    credits: Option<Value>,
     objects: &'a [ObjectSummary],
     formats: Vec<Value>,
     left_out: &'a [LeftOut],
@@ -155,6 +160,7 @@ pub fn write_summary(exported: &mut Exported, inputs: &[PathBuf], folder: &Path)
         ),
         frames,
         friction_on: if provenance.is_on_steel { "steel" } else { "rubber" },
+        credits: provenance.credits.said(),
         objects,
         formats: formats.iter().map(of_format).collect(),
         left_out,

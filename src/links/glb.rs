@@ -36,7 +36,7 @@ pub fn write(shape: &LinkShape, claimed_mass_kg: Option<f64>, out: &mut dyn io::
     }
     let Some(mass) = claimed_mass_kg else {
         gltf.node_z_up("link", &nodes, &nalgebra::Vector3::zeros());
-        return gltf.write(&[], &Value::Null, out);
+        return gltf.write(&Value::Null, out);
     };
     gltf.node_z_up_with(
         "link",
@@ -44,7 +44,8 @@ pub fn write(shape: &LinkShape, claimed_mass_kg: Option<f64>, out: &mut dyn io::
         &nalgebra::Vector3::zeros(),
         &json!({ EXTENSION: { "motion": { "mass": mass } } }),
     );
-    gltf.write(&[EXTENSION], &Value::Null, out)
+    gltf.uses(EXTENSION);
+    gltf.write(&Value::Null, out)
 }
 
 /// One primitive for each material that is used.

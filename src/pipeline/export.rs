@@ -5,7 +5,9 @@ use std::path::Path;
 use tracing::warn;
 
 use crate::error::Result;
-use crate::export::{self, Asset, Colliders, Counterface, Exported, Format, Formats, Links, Model, Origin};
+use crate::export::{
+    self, Asset, Colliders, Counterface, Credits, Exported, Format, Formats, GlbLook, Links, Model, Origin,
+};
 use crate::grasp::GraspError;
 use crate::grasp::candidates::Candidate;
 use crate::units::MetricScale;
@@ -32,15 +34,29 @@ pub struct ExportOptions<'a> {
     /// Whether a URDF's object hangs on a floating joint.
     pub floating: bool,
     pub links: Links,
+    pub glb_look: GlbLook,
     /// Names of the geoms of a gripper's pads, for MJCF.
     pub pad_geoms: &'a [String],
     /// The surface with which frictions are.
     pub friction: Counterface,
+    pub credits: &'a Credits,
 }
 
 /// Writes the object into `folder` once the parts are done.
 pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Exported> {
-    let ExportOptions { formats, colliders, samples, origin, at, floating, links, pad_geoms, friction } = *options;
+    let ExportOptions {
+        formats,
+        colliders,
+        samples,
+        origin,
+        at,
+        floating,
+        links,
+        glb_look,
+        pad_geoms,
+        friction,
+        credits,
+    } = *options;
     let has_grasps = formats.may_be(Format::has_grasps);
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
@@ -71,7 +87,9 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
         at: at.into(),
         floating,
         links,
+        glb_look,
         pad_geoms,
+        credits,
         source: &source,
         answered_by: &answered_by,
         inputs: &open.scene.files,

@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use gprop::export::{Asset, Colliders, ExportError, Format, Links, Model, Origin, export};
+use gprop::export::{Asset, Colliders, ExportError, Format, GlbLook, Links, Model, Origin, export};
 use gprop::files::read_scope::ReadScope;
 use gprop::materials::MaterialLibrary;
 use gprop::parts::{Options, PartsResult, parts_of_mesh};
@@ -114,8 +114,10 @@ impl Weighed {
             origin: Origin::Input,
             at: Vector3::zeros(),
             floating: false,
+            glb_look: GlbLook::Meshes,
             links: Links::One,
             pad_geoms: &[],
+            credits: &super::CREDITS,
             source: "box.glb",
             answered_by: &[],
             inputs: &self.scene.files,
@@ -275,8 +277,11 @@ fn colliders_are_kept_added_or_made() {
     assert_eq!(count(&bare.filled(Colliders::Keep).0), 0);
     let (added, json, _) = bare.filled(Colliders::Add);
     assert_eq!((count(&added), frictions(&added)), (1, vec![oak]));
-    // The hull is not seen: its node is in no scene.
-    assert_eq!(json["nodes"][0]["children"], json!([2]));
+    // The hull is not seen: no node draws its mesh.
+    assert_eq!(json["nodes"][0]["children"], json!([1]));
+    assert!(json["nodes"][1].get("mesh").is_none());
+    let collider = &json["nodes"][1]["extensions"]["KHR_physics_rigid_bodies"]["collider"];
+    assert_eq!(collider["geometry"], json!({ "mesh": 1, "convexHull": true }));
     assert_eq!(mesh_of(&bare.out().join("box.glb")).surface.triangles.len(), 12);
     let own = r#"[{"mesh": 0, "extensions": {"KHR_physics_rigid_bodies": {"collider": {"geometry": {"node": 0, "convexHull": true}}}}}]"#;
     let own = Weighed::of("box.glb", &glb(&document(own, "[0]")));

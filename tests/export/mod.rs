@@ -2,6 +2,8 @@
 
 // The mesh itself again, with its physics.
 mod asset;
+// The GLB: its physics and what it shows.
+mod glb;
 // Each part as a link of its own; pairs with a gripper's pads; names.
 mod links;
 // The origin and place of an object; SDF; friction on steel.
@@ -16,7 +18,7 @@ use std::process::Command;
 use std::sync::{Mutex, OnceLock, PoisonError};
 
 use clap::ValueEnum;
-use gprop::export::{ExportError, Format, Links, Model, Origin, export};
+use gprop::export::{Credits, ExportError, Format, GlbLook, Links, Model, Origin, export};
 use gprop::gaussians::Gaussians;
 use gprop::grasp::Reason;
 use gprop::grasp::candidates::Candidate;
@@ -29,6 +31,9 @@ use tempfile::TempDir;
 
 use crate::grasp::scenes::{Measured, folders};
 use crate::support::{self, Shared, parsed, python_has, shared_folder, skipped};
+
+/// The user said nothing.
+const CREDITS: Credits = Credits { license: None, author: None, wikidata: None, semantic_label: None };
 
 fn model(measured: &Measured) -> Model<'_> {
     Model {
@@ -49,7 +54,9 @@ fn model(measured: &Measured) -> Model<'_> {
         at: Vector3::zeros(),
         floating: false,
         links: Links::One,
+        glb_look: GlbLook::Meshes,
         pad_geoms: &[],
+        credits: &CREDITS,
         source: "point_cloud.ply",
         answered_by: &[],
         inputs: &[],
@@ -115,6 +122,26 @@ impl Rigid {
 /// What a script finds in each of the files. One process reads them all: a script spends most of its time on starting.
 pub fn python(script: &str, files: &[&Path]) -> Vec<Value> {
     listed(support::python(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/export").join(script), files))
+}
+
+/// What Khronos's validator finds in GLBs that it accepts; `None` if it is not installed.
+fn valid_glbs(test: &str, files: &[&Path]) -> Option<Vec<Value>> {
+    let has_validator = Command::new("node").args(["-e", "require('gltf-validator')"]).output();
+    if !has_validator.is_ok_and(|output| output.status.success()) {
+        skipped(test, "node has no gltf-validator; `npm install gltf-validator` brings it");
+        return None;
+    }
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/export/gltf_check.cjs");
+    let found = listed(parsed(Command::new("node").arg(script).args(files).output().unwrap()));
+    for report in &found {
+        // The validator does not know the attributes of KHR_gaussian_splatting yet.
+        let messages: Vec<String> = serde_json::from_value(report["messages"].clone()).unwrap();
+        let is_known =
+            |text: &String| text.contains("KHR_gaussian_splatting:") && text.ends_with("Invalid attribute name.");
+        let others: Vec<&String> = messages.iter().filter(|text| !is_known(text)).collect();
+        assert!(others.is_empty(), "{others:?}");
+    }
+    Some(found)
 }
 
 /// What a script that reads a single file finds.

@@ -57,8 +57,22 @@ pub fn all(pays: bool) -> Vec<Tool> {
     let inspect: &[&str] = &["scale", "up", "view-list"];
     let run: &[&str] = &["to", "no-simulate", "from", "out", "answers"];
     let grasp: &[&str] = &["out", "answers", "part", "gripper", "object"];
-    let export: &[&str] =
-        &["format", "out", "work", "answers", "object", "colliders", "samples", "origin", "at", "floating", "friction"];
+    let export: &[&str] = &[
+        "format",
+        "out",
+        "work",
+        "answers",
+        "object",
+        "colliders",
+        "samples",
+        "origin",
+        "at",
+        "floating",
+        "friction",
+        "license",
+        "author",
+        "wikidata",
+    ];
     let mut tools = vec![
         tool(
             "inspect",

@@ -15,7 +15,7 @@ use serde_json::{Value, json};
 
 use super::super::gltf::{Added, Behind, Gltf};
 use super::super::names::within;
-use super::super::{ExportError, Files, Shared, body_name, gltf_physics_material, label_of, restitution};
+use super::super::{ExportError, Files, Shared, body_name, gltf_physics, label_of, restitution};
 use super::facts::{Facts, FileFrame};
 use super::labels::SurfaceLabels;
 use super::{Asset, Colliders};
@@ -32,9 +32,9 @@ const NO_MATERIAL: u16 = u16::MAX;
 const RIGID: f64 = 1e-5;
 
 /// A glTF and what is written into it.
-pub struct Filled<'a> {
+pub struct Filled<'a, 'm> {
     pub asset: &'a Asset<'a>,
-    pub shared: &'a Shared<'a>,
+    pub shared: &'a Shared<'m>,
     pub parts: &'a Parts,
     pub frame: FileFrame,
     pub facts: Facts,
@@ -73,8 +73,8 @@ impl Body {
 }
 
 /// The changes of a file.
-struct Editor<'a> {
-    filled: &'a Filled<'a>,
+struct Editor<'a, 'm> {
+    filled: &'a Filled<'a, 'm>,
     patch: Patch,
     /// A node that is to stand above all others, and its index.
     above: Option<(usize, Patch)>,
@@ -90,8 +90,8 @@ struct Editor<'a> {
     extensions: Vec<Value>,
 }
 
-impl<'a> Editor<'a> {
-    fn new(filled: &'a Filled<'a>, document: &Value, file: &GltfFile) -> Self {
+impl<'a, 'm> Editor<'a, 'm> {
+    fn new(filled: &'a Filled<'a, 'm>, document: &Value, file: &GltfFile) -> Self {
         let count = |name: &str| document[name].as_array().map_or(0, Vec::len);
         let own_chunk = file.own_chunk();
         let buffers = count("buffers");
@@ -133,7 +133,7 @@ impl<'a> Editor<'a> {
     }
 
     fn add_physics_material(&mut self, friction: f64, restitution: Option<f64>) -> usize {
-        let material = gltf_physics_material(friction, restitution);
+        let material = gltf_physics::material(friction, restitution);
         self.patch.member("extensions").member(EXTENSION).member("physicsMaterials").add(material);
         self.physics_materials += 1;
         self.physics_materials - 1
@@ -223,17 +223,14 @@ impl<'a> Editor<'a> {
             self.patch.member("meshes").add(mesh);
             self.meshes += 1;
             let name = within(&body_name(shared.model.name), &collider.name);
-            // A node of no scene, so that the hull is not drawn.
-            let shape = self.add_node(json!({ "name": format!("{name} hull"), "mesh": self.meshes - 1 }));
             let label = label_of(&shared.model.field.parts, collider.part);
             let material = match material_of.get(&collider.part) {
                 Some(material) => *material,
                 None => self.add_physics_material(shared.model.friction(label), restitution(label)),
             };
             material_of.insert(collider.part, material);
-            let geometry = json!({ "node": shape, "convexHull": true });
-            let collider = json!({ "collider": { "geometry": geometry, "physicsMaterial": material } });
-            let node = self.add_node(json!({ "name": name, "extensions": { EXTENSION: collider } }));
+            let collider = gltf_physics::collider(self.meshes - 1, Some(material));
+            let node = self.add_node(json!({ "name": name, "extensions": collider }));
             self.node(body.index).member("children").add(node.into());
         }
         Ok(())

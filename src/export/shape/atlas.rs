@@ -6,8 +6,9 @@ use nalgebra::Point3;
 
 use super::Mesh;
 
-/// Side of the picture, pixels.
+/// Side of the picture of the largest mesh, pixels, and of the smallest.
 const SIDE: u32 = 1024;
+const LEAST_SIDE: u32 = 256;
 /// Pixels along a triangle's legs.
 const STEPS: [u32; 6] = [2, 4, 8, 16, 32, 64];
 /// Pixels of a tile besides those along a leg: where it starts, and two so that the halves do not share any.
@@ -40,18 +41,20 @@ impl Tile {
     }
 }
 
-/// A tile for each triangle, and the size of the picture. `colors` are the triangles', roughly.
-pub fn layout(mesh: &Mesh, colors: &[[u8; 3]]) -> (Vec<Tile>, [u32; 2]) {
+/// A tile for each triangle, and the size of the picture. `colors` are the triangles', roughly; the mesh's surface is this share of the
+/// largest.
+pub fn layout(mesh: &Mesh, colors: &[[u8; 3]], share: f64) -> (Vec<Tile>, [u32; 2]) {
+    let side = ((f64::from(SIDE) * share.sqrt()) as u32).clamp(LEAST_SIDE, SIDE);
     let longest: Vec<f64> = mesh.triangles.iter().map(|t| longest_side(mesh.corners(*t))).collect();
     let (mut fine, mut coarse) = (0.0, longest.iter().copied().fold(0.0, f64::max));
     // The finest pixels with which all tiles fit, to a thousandth.
     for _ in 0..10 {
         let middle = 0.5 * (fine + coarse);
-        if height(&longest, middle) > SIDE { fine = middle } else { coarse = middle }
+        if height(&longest, middle, side) > side { fine = middle } else { coarse = middle }
     }
-    let tiles = place(&longest, &by_color(colors), coarse);
-    let rows = height(&longest, coarse);
-    (tiles, [SIDE, rows.max(1)])
+    let tiles = place(&longest, &by_color(colors), coarse, side);
+    let rows = height(&longest, coarse, side);
+    (tiles, [side, rows.max(1)])
 }
 
 fn longest_side([a, b, c]: [Point3<f64>; 3]) -> f64 {
@@ -63,12 +66,12 @@ fn class(longest: f64, pixel: f64) -> usize {
     STEPS.iter().position(|steps| f64::from(*steps) * pixel >= longest).unwrap_or(STEPS.len() - 1)
 }
 
-fn height(longest: &[f64], pixel: f64) -> u32 {
+fn height(longest: &[f64], pixel: f64, side: u32) -> u32 {
     let mut count = [0u32; STEPS.len()];
     longest.iter().for_each(|side| count[class(*side, pixel)] += 1);
     let rows = |(steps, count): (&u32, &u32)| {
         let tile = steps + EXTRA;
-        count.div_ceil(2).div_ceil(SIDE / tile) * tile
+        count.div_ceil(2).div_ceil(side / tile) * tile
     };
     STEPS.iter().zip(&count).map(rows).sum()
 }
@@ -85,12 +88,12 @@ fn by_color(colors: &[[u8; 3]]) -> Vec<usize> {
     order
 }
 
-fn place(longest: &[f64], order: &[usize], pixel: f64) -> Vec<Tile> {
+fn place(longest: &[f64], order: &[usize], pixel: f64, side: u32) -> Vec<Tile> {
     let mut tiles = vec![Tile { origin: [0; 2], steps: 0, second: false }; longest.len()];
     let mut top = 0;
     for (n, &steps) in STEPS.iter().enumerate() {
         let tile = steps + EXTRA;
-        let per_row = SIDE / tile;
+        let per_row = side / tile;
         let mut placed = 0;
         for t in order.iter().copied().filter(|t| class(longest[*t], pixel) == n) {
             let square = placed / 2;
@@ -112,9 +115,9 @@ mod tests {
         let mut random = fastrand::Rng::with_seed(1);
         let longest: Vec<f64> = (0..3000).map(|_| 0.5 + 20.0 * random.f64().powi(4)).collect();
         let pixel = 0.2;
-        let rows = height(&longest, pixel);
+        let rows = height(&longest, pixel, SIDE);
         let mut used = vec![false; (SIDE * rows) as usize];
-        for tile in place(&longest, &(0..3000).collect::<Vec<_>>(), pixel) {
+        for tile in place(&longest, &(0..3000).collect::<Vec<_>>(), pixel, SIDE) {
             for x in 0..=tile.steps + 1 {
                 for y in 0..=tile.steps + 1 - x {
                     let [x, y] = tile.pixel([x, y]);

@@ -19,7 +19,8 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::{Model, names};
+use super::{names, obj};
+use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::parallel;
 use crate::parts::{Interior, OUTSIDE};
@@ -118,8 +119,8 @@ pub struct Skin {
     pub part: Vec<u32>,
     /// Per triangle and corner: where it lies on the picture, from 0 to 1, v upwards.
     pub uv: Vec<[[f64; 2]; 3]>,
-    /// sRGB.
-    pub picture: image::RgbImage,
+    /// sRGB, as PNG.
+    pub picture: Vec<u8>,
 }
 
 /// The surface of one part.
@@ -177,6 +178,19 @@ impl Shape {
         self.meters_per_unit
     }
 
+    /// Paints the surfaces of this object with the colours that Gaussians show to cameras.
+    pub fn painter<'a>(&self, gaussians: &'a Gaussians, cameras: &[Camera]) -> Painter<'a> {
+        Painter::new(gaussians, cameras, &self.solid.grid)
+    }
+
+    /// By id of a part, how large its surface is beside that of the largest: surfaces grow with the square of the size.
+    fn shares(&self) -> BTreeMap<u32, f64> {
+        let mut cells: BTreeMap<u32, usize> = BTreeMap::new();
+        self.solid.part.iter().filter(|part| **part != OUTSIDE).for_each(|part| *cells.entry(*part).or_default() += 1);
+        let most = cells.values().copied().max().unwrap_or(1) as f64;
+        cells.into_iter().map(|(part, count)| (part, (count as f64 / most).powf(2.0 / 3.0))).collect()
+    }
+
     /// By the ids of two parts, the lesser first: the faces of cells that they share.
     pub fn contacts(&self) -> BTreeMap<(u32, u32), Contact> {
         let Solid { grid, part } = &self.solid;
@@ -203,32 +217,40 @@ impl Shape {
     }
 }
 
-/// The outer surface of a part, or of the whole object, with the splat's colours. Where a part touches others, it has the colour of the
-/// nearest Gaussian.
-pub fn skin_of(model: &Model, shape: &Shape, part: Option<u32>) -> Skin {
+/// The triangles of a mesh whose surface is this share of the largest.
+fn triangles_of(share: f64) -> usize {
+    (TRIANGLES as f64 * share).max(200.0) as usize
+}
+
+/// The outer surface of the whole object with the splat's colours.
+pub fn skin_of(painter: &Painter, shape: &Shape) -> Skin {
+    skin(painter, shape, None, 1.0)
+}
+
+/// The surfaces of these parts with the splat's colours. Where a part touches others, it has the colour of the nearest Gaussian.
+pub fn skins_of(painter: &Painter, shape: &Shape, parts: &[u32]) -> Vec<Skin> {
+    let shares = shape.shares();
+    parallel::map(parts, |part| skin(painter, shape, Some(*part), shares[part]))
+}
+
+fn skin(painter: &Painter, shape: &Shape, part: Option<u32>, share: f64) -> Skin {
     let solid = &shape.solid;
-    let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
-    let mesh = simplify::simplified(surface::of(&solid.grid, &solid.mask(part)), TRIANGLES, 0.5 * solid.grid.cell);
-    let (layout, size) = atlas::layout(&mesh, &painter.triangle_colors(&mesh));
-    let picture = painter.picture(&mesh, &layout, size);
+    let mesh = surface::of(&solid.grid, &solid.mask(part));
+    let mesh = simplify::simplified(mesh, triangles_of(share), 0.5 * solid.grid.cell);
+    let (layout, size) = atlas::layout(&mesh, &painter.triangle_colors(&mesh), share);
+    let picture = obj::png(&painter.picture(&mesh, &layout, size));
     let uv = layout.iter().map(|tile| tile.uv(size)).collect();
     let part = mesh.triangles.iter().map(|t| solid.part_at(&mesh.corners(*t))).collect();
     Skin { mesh: shape.finished(mesh), part, uv, picture }
 }
 
 /// The surfaces of the parts that have a closed one, with the splat's colours.
-pub fn part_meshes(model: &Model, shape: &Shape) -> Vec<PartMesh> {
+pub fn part_meshes(painter: &Painter, shape: &Shape) -> Vec<PartMesh> {
     let solid = &shape.solid;
-    let painter = Painter::new(model.gaussians, model.cameras, &solid.grid);
-    let parts = solid.parts();
-    let cells = |part: u32| solid.part.iter().filter(|owner| **owner == part).count();
-    let most = parts.iter().map(|part| cells(*part)).max().unwrap_or(1);
-    let mut meshed = parallel::map(&parts, |&part| {
-        // Surfaces grow with the square of the size.
-        let share = (cells(part) as f64 / most as f64).powf(2.0 / 3.0);
-        let triangles = (TRIANGLES as f64 * share).max(200.0) as usize;
+    let shares: Vec<(u32, f64)> = shape.shares().into_iter().collect();
+    let mut meshed = parallel::map(&shares, |&(part, share)| {
         let mesh = surface::of(&solid.grid, &solid.mask(Some(part)));
-        let mesh = simplify::simplified(mesh, triangles, 0.5 * solid.grid.cell);
+        let mesh = simplify::simplified(mesh, triangles_of(share), 0.5 * solid.grid.cell);
         let colors = painter.vertex_colors(&mesh);
         PartMesh { part, mesh: shape.finished(mesh), colors }
     });

@@ -17,6 +17,7 @@ use std::path::{Path, PathBuf};
 
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 
+use super::links::Inertial;
 use super::placement::Placement;
 use super::shape::Collider;
 use super::{ESTIMATED_SCALE, ExportError, File, Files, Format, Splat, body_name};
@@ -54,11 +55,8 @@ pub struct Body {
     pub name: String,
     /// Where the body's axes are.
     pub place_m: Vector3<f64>,
-    pub mass_kg: f64,
-    pub center_m: [f64; 3],
-    /// About the centre of mass.
-    pub inertia_kg_m2: [[f64; 3]; 3],
-    pub colliders: Vec<BodyCollider>,
+    pub(super) inertial: Inertial,
+    pub(super) colliders: Vec<BodyCollider>,
 }
 
 /// A convex collision shape of a body.

@@ -5,8 +5,9 @@
 
 use std::fmt::Write;
 
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::Vector3;
 
+use super::super::links::Inertial;
 use super::super::names::within;
 use super::super::{ExportError, Files, spaced};
 use super::{Body, BodyCollider, Table};
@@ -66,7 +67,7 @@ fn write_support(text: &mut String, table: &Table) {
 }
 
 pub fn write_body(text: &mut String, body: &Body) {
-    let Body { name, place_m, mass_kg, center_m, inertia_kg_m2, colliders } = body;
+    let Body { name, place_m, inertial, colliders } = body;
     open_model(text, name, place_m);
     let collider = |BodyCollider { shape, friction, restitution }: &BodyCollider| LinkCollider {
         name: within(name, &shape.name),
@@ -76,9 +77,7 @@ pub fn write_body(text: &mut String, body: &Body) {
     let link = Link {
         name,
         origin: Vector3::zeros(),
-        mass_kg: *mass_kg,
-        center_m: (*center_m).into(),
-        inertia: Matrix3::from_fn(|row, column| inertia_kg_m2[row][column]),
+        inertial: *inertial,
         colliders: colliders.iter().map(collider).collect(),
     };
     write_link(text, &link);
@@ -95,9 +94,7 @@ pub struct Link<'a> {
     pub name: &'a str,
     /// Where its own axes are in those of the model, in which all else is.
     pub origin: Vector3<f64>,
-    pub mass_kg: f64,
-    pub center_m: Vector3<f64>,
-    pub inertia: Matrix3<f64>,
+    pub inertial: Inertial,
     pub colliders: Vec<LinkCollider>,
 }
 
@@ -109,7 +106,8 @@ pub struct LinkCollider {
 }
 
 pub fn write_link(text: &mut String, link: &Link) {
-    let Link { name, origin, mass_kg, center_m, inertia: i, colliders } = link;
+    let Link { name, origin, inertial, colliders } = link;
+    let Inertial { mass_kg, center_m, inertia: i } = inertial;
     let pose = |at: Vector3<f64>| {
         if at == Vector3::zeros() {
             String::new()

@@ -171,7 +171,8 @@ def Xform "surroundings"
     );
     physics::write_splat_material(&mut text, "surroundings");
     text.push_str("    }\n\n");
-    gaussians::write(&mut text, &table.splat_of_surroundings(), "surroundings");
+    let splat = table.splat_of_surroundings();
+    gaussians::write(&mut text, &splat, &splat.all(), "surroundings");
     text.push_str("}\n");
     Some(text)
 }

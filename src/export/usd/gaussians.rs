@@ -12,10 +12,10 @@ use crate::vote::MaterialField;
 /// The standard deviations within which a Gaussian is drawn.
 const DRAWN: f64 = 3.0;
 
-/// Writes them below the prim `owner`, whose materials have one for the Gaussians.
-pub fn write(text: &mut String, splat: &Splat, owner: &str) {
+/// Writes these Gaussians below the prim `owner`, whose materials have one for them.
+pub fn write(text: &mut String, splat: &Splat, indices: &[usize], owner: &str) {
     let Splat { gaussians, meters_per_unit: meters, origin, field } = *splat;
-    let all = || 0..gaussians.len();
+    let all = || indices.iter().copied();
     let position = |i: usize| gaussians.center(i) * meters - origin;
     let reach = |i: usize| gaussians.scale(i).max() * DRAWN * meters;
     let corners = all().flat_map(|i| [-1.0, 1.0].map(|side| position(i).map(|c| c + side * reach(i)).into()));
@@ -56,13 +56,14 @@ pub fn write(text: &mut String, splat: &Splat, owner: &str) {
         coefficients = gaussians.sh_rest_per_channel() + 1,
         harmonics = list(all().flat_map(|i| harmonics(gaussians, i))),
         colors = list(all().map(|i| tuple(color(i), 3))),
-        parts = field.map_or_else(String::new, parts),
+        parts = field.map_or_else(String::new, |field| parts(field, indices)),
     );
 }
 
 /// The part of each Gaussian.
-fn parts(field: &MaterialField) -> String {
-    let ids = list(field.part_ids().map(|id| id.to_string()));
+fn parts(field: &MaterialField, indices: &[usize]) -> String {
+    let ids: Vec<u32> = field.part_ids().collect();
+    let ids = list(indices.iter().map(|i| ids[*i].to_string()));
     format!("        int[] primvars:part = {ids} (\n            interpolation = \"vertex\"\n        )\n")
 }
 

@@ -24,40 +24,46 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
-use super::{ExportError, Files, Model, Rigid, obj};
+use super::{ExportError, Files, Model, Rigid, Splat, obj};
+use crate::vote::MaterialField;
 use text::{extent, head, quoted, triple};
 
-/// Wikidata's item "physical object": gprop does not know what kind of thing it measured.
-const QCODE: &str = "Q223557";
+/// What both forms have in common.
+pub(super) struct Layer {
+    text: String,
+    /// PNG.
+    thumbnail: Vec<u8>,
+}
+
+impl Layer {
+    pub(super) fn of(model: &Model, rigid: &Rigid) -> Self {
+        Self { text: stage(model, rigid), thumbnail: obj::png(&thumbnail::draw(model, rigid)) }
+    }
+}
 
 /// The layer as text, with its pictures and thumbnail beside it.
-pub(super) fn write_usda(model: &Model, rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
-    let (name, stage) = (&rigid.name, stage(model, rigid));
-    files.write(format!("{name}/usd/{name}.usda"), |out| out.write_all(stage.as_bytes()))?;
+pub(super) fn write_usda(rigid: &Rigid, layer: &Layer, files: &mut Files) -> Result<(), ExportError> {
+    let name = &rigid.name;
+    files.write(format!("{name}/usd/{name}.usda"), |out| out.write_all(layer.text.as_bytes()))?;
     for (of, skin) in rigid.skins() {
-        files.write(format!("{name}/usd/textures/{of}.png"), |out| out.write_all(&obj::png(&skin.picture)?))?;
+        files.write(format!("{name}/usd/textures/{of}.png"), |out| out.write_all(&skin.picture))?;
     }
-    write_thumbnail(model, rigid, &format!("{name}/usd/.thumbs/256x256/{name}.usda.png"), files)
+    let thumbnail = format!("{name}/usd/.thumbs/256x256/{name}.usda.png");
+    files.write(thumbnail, |out| out.write_all(&layer.thumbnail))
 }
 
 /// The layer and its pictures in one file, with a thumbnail beside it.
-pub(super) fn write_usdz(model: &Model, rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
-    let (name, stage) = (&rigid.name, stage(model, rigid));
+pub(super) fn write_usdz(rigid: &Rigid, layer: &Layer, files: &mut Files) -> Result<(), ExportError> {
+    let name = &rigid.name;
     files.write(format!("{name}/usdz/{name}.usdz"), |out| {
         // The first file is the root layer.
-        let mut contents = vec![(format!("{name}.usda"), stage.into_bytes())];
-        for (of, skin) in rigid.skins() {
-            contents.push((format!("textures/{of}.png"), obj::png(&skin.picture)?));
-        }
-        let contents: Vec<(String, &[u8])> = contents.iter().map(|(name, bytes)| (name.clone(), &bytes[..])).collect();
+        let root = (format!("{name}.usda"), layer.text.as_bytes());
+        let pictures = rigid.skins().into_iter().map(|(of, skin)| (format!("textures/{of}.png"), &skin.picture[..]));
+        let contents: Vec<(String, &[u8])> = std::iter::once(root).chain(pictures).collect();
         out.write_all(&package::usdz(&contents)?)
     })?;
-    write_thumbnail(model, rigid, &format!("{name}/usdz/.thumbs/256x256/{name}.usdz.png"), files)
-}
-
-fn write_thumbnail(model: &Model, rigid: &Rigid, path: &str, files: &mut Files) -> Result<(), ExportError> {
-    let picture = thumbnail::draw(model, rigid);
-    files.write(path, |out| out.write_all(&obj::png(&picture)?))
+    let thumbnail = format!("{name}/usdz/.thumbs/256x256/{name}.usdz.png");
+    files.write(thumbnail, |out| out.write_all(&layer.thumbnail))
 }
 
 fn stage(model: &Model, rigid: &Rigid) -> String {
@@ -74,9 +80,8 @@ def Xform "{name}" (
 )
 {{
     float3[] extentsHint = {extent}
-{mass}{moved}    token[] semantics:labels:class = ["prop"]
-    # Physical object.
-    token[] semantics:labels:wikidata_qcode = ["{QCODE}"]
+{mass}{moved}    token[] semantics:labels:class = [{label}]
+    token[] semantics:labels:wikidata_qcode = [{wikidata}]
 
     variantSet "appearance" = {{
         "skin" {{
@@ -97,6 +102,8 @@ def Xform "{name}" (
             r#""PhysicsArticulationRootAPI""#
         },
         mass = if rigid.links.is_empty() { physics::mass(&rigid.inertial()) } else { String::new() },
+        label = quoted(rigid.credits.semantic_label()),
+        wikidata = quoted(rigid.credits.wikidata()),
         without_splat = hidden(rigid, "splat"),
         without_skin = hidden(rigid, "skin"),
         moved = if rigid.placement.place() == Vector3::zeros() {
@@ -109,14 +116,15 @@ def Xform "{name}" (
         },
     );
     physics::write_materials(&mut text, rigid);
-    if rigid.links.is_empty() {
-        meshes::write_skin(&mut text, rigid, rigid.skin);
+    let splat = model.splat(&rigid.placement);
+    if let Some(skin) = rigid.skin {
+        meshes::write_skin(&mut text, rigid, skin);
         meshes::write_colliders(&mut text, rigid, rigid.colliders.iter());
-        gaussians::write(&mut text, &model.splat(&rigid.placement), &rigid.name);
+        gaussians::write(&mut text, &splat, &splat.all(), &rigid.name);
         grasps::write(&mut text, rigid);
     }
     for n in 0..rigid.links.len() {
-        write_link(&mut text, model, rigid, n);
+        write_link(&mut text, &splat, rigid, n);
     }
     text.push_str("}\n");
     text
@@ -138,7 +146,7 @@ fn hidden(rigid: &Rigid, prim: &str) -> String {
 }
 
 /// A link as a rigid body with what belongs to it, in the object's axes, and the joint that fixes it.
-fn write_link(text: &mut String, model: &Model, rigid: &Rigid, n: usize) {
+fn write_link(text: &mut String, splat: &Splat, rigid: &Rigid, n: usize) {
     let link = &rigid.links[n];
     let _ = write!(
         text,
@@ -150,13 +158,10 @@ fn write_link(text: &mut String, model: &Model, rigid: &Rigid, n: usize) {
     meshes::write_colliders(text, rigid, rigid.colliders_of(n));
     let is_other = |part: u32| rigid.links.iter().any(|other| other.name != link.name && other.parts.contains(&part));
     // A Gaussian of a part without a link goes with the root.
-    let kept: Vec<bool> =
-        model.field.part_ids().map(|part| link.parts.contains(&part) || n == 0 && !is_other(part)).collect();
-    let (mut gaussians, mut field) = (model.gaussians.clone(), model.field.clone());
-    gaussians.retain(&kept);
-    field.retain(&kept);
-    let own = Model { gaussians: &gaussians, field: &field, ..*model };
-    gaussians::write(text, &own.splat(&rigid.placement), &rigid.name);
+    let is_own = |part: u32| link.parts.contains(&part) || n == 0 && !is_other(part);
+    let parts = splat.field.into_iter().flat_map(MaterialField::part_ids).enumerate();
+    let own: Vec<usize> = parts.filter(|(_, part)| is_own(*part)).map(|(i, _)| i).collect();
+    gaussians::write(text, splat, &own, &rigid.name);
     if n == 0 {
         grasps::write(text, rigid);
     }
@@ -187,12 +192,12 @@ fn write_link(text: &mut String, model: &Model, rigid: &Rigid, n: usize) {
 fn metadata(rigid: &Rigid) -> String {
     let (low, high) = rigid.extent();
     let strings = [
-        ("asset_license", "that of the splat"),
+        ("asset_license", rigid.credits.license()),
         ("asset_name", rigid.name.as_str()),
         ("asset_type", "Prop"),
-        ("author", concat!("gprop ", env!("CARGO_PKG_VERSION"))),
+        ("author", rigid.credits.author()),
         ("category", "Prop"),
-        ("qcode", QCODE),
+        ("qcode", rigid.credits.wikidata()),
         ("source_file", rigid.source),
         // Without the clock, so that the same input gives the same bytes.
         ("usd_date_generated", "not recorded"),

@@ -166,17 +166,25 @@ impl Reader<'_> {
         let geometry = collider.get("geometry").unwrap_or(collider);
         let body_from_node = frame.body_from_world() * placed.world_from_node;
         let number_of = |name: &str| geometry.get(name).and_then(Value::as_u64).and_then(|n| usize::try_from(n).ok());
-        let found = match (number_of("shape"), number_of("node")) {
+        let surface = match (number_of("mesh"), number_of("node")) {
+            (Some(mesh), _) if mesh < self.document.root.meshes.len() => {
+                Some(self.document.surface_of_mesh(mesh, body_from_node)?)
+            }
+            (None, Some(top)) if top < self.document.root.nodes.len() => {
+                Some(self.document.surface(&self.document.below(top, body_from_node)?)?)
+            }
+            _ => None,
+        };
+        let found = match (number_of("shape"), surface) {
             (Some(shape), _) => self.implicit(shape, &body_from_node),
-            (None, Some(meshes)) if meshes < self.document.root.nodes.len() => {
+            (None, Some(surface)) => {
                 let is_hull = geometry.get("convexHull").and_then(Value::as_bool).unwrap_or(false);
-                let surface = self.document.surface(&self.document.below(meshes, body_from_node)?)?;
                 let surface = if is_hull { hull_of(&surface) } else { surface };
                 // Numbers of colliders follow those of what is seen.
                 let number = self.document.root.nodes.len() + placed.index;
                 self.own_mesh(number, surface).map(|geometry| (geometry, Isometry3::identity()))
             }
-            _ => None,
+            (None, None) => None,
         };
         let place = &self.places[placed.index];
         let friction = collider.get("physicsMaterial").and_then(Value::as_u64).and_then(|n| self.friction(n));

@@ -73,6 +73,14 @@ impl<'a> Document<'a> {
         }
         Ok(assembly.into_surface())
     }
+
+    /// The triangles of a mesh at a place.
+    pub fn surface_of_mesh(&self, mesh: usize, place: Matrix4<f64>) -> Result<Triangles, MeshProblem> {
+        let mut assembly = Assembly::default();
+        let looks = vec![None; self.root.materials.len() + 1];
+        nodes::place_mesh(self, mesh, &[place], "", &looks, &mut assembly)?;
+        Ok(assembly.into_surface())
+    }
 }
 
 pub(super) fn read(bytes: &[u8], beside: &mut Beside<'_>) -> Result<Mesh, MeshProblem> {

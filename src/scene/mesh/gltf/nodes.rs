@@ -38,12 +38,26 @@ pub(super) fn place(
     let no_such = || Problem::NoSuch { place: format!("node {index}"), what: "mesh", index: mesh.value() };
     let shape = document.root.meshes.get(mesh.value()).ok_or_else(no_such)?;
     let name = node.name.as_deref().or(shape.name.as_deref()).unwrap_or_default();
-    for (number, from) in shape.primitives.iter().enumerate() {
-        let source = GltfPrimitive { mesh: mesh.value(), primitive: number };
-        let place = format!("mesh {}, primitive {number}", source.mesh);
+    let instances = instances(document, node, &format!("node {index}"))?;
+    let places: Vec<Matrix4<f64>> = instances.iter().map(|instance| world_from_node * instance).collect();
+    place_mesh(document, mesh.value(), &places, name, placements, assembly)
+}
+
+/// Places a mesh of the file, which has it, under this name.
+pub(super) fn place_mesh(
+    document: &Document<'_>,
+    mesh: usize,
+    places: &[Matrix4<f64>],
+    name: &str,
+    placements: &[Option<Placement>],
+    assembly: &mut Assembly,
+) -> Result<(), MeshProblem> {
+    for (number, from) in document.root.meshes[mesh].primitives.iter().enumerate() {
+        let source = GltfPrimitive { mesh, primitive: number };
+        let place = format!("mesh {mesh}, primitive {number}");
         let Some(primitive) = Primitive::read(document, from, placements, &place, assembly)? else { continue };
-        for instance in instances(document, node, &format!("node {index}"))? {
-            primitive.place(&(world_from_node * instance), name, source, assembly)?;
+        for world_from_mesh in places {
+            primitive.place(world_from_mesh, name, source, assembly)?;
         }
     }
     Ok(())

@@ -1,9 +1,9 @@
-//! What a glTF says of rigid bodies: the draft extension `KHR_physics_rigid_bodies`, in its form of 2025.
+//! What a glTF says of rigid bodies: the draft extension `KHR_physics_rigid_bodies`, in its form of 2026.
 //!
 //! A node with a `motion` is a body, and what lies below it belongs to it, down to the next motion. Its `mass` is in kg; a mass of 0
 //! means one without end. `centerOfMass` and the axes of `inertiaDiagonal`, which `inertiaOrientation` turns, are in the node's own
-//! frame. Nodes with a `collider` are what collides: the meshes of the node that its `geometry` names, a shape of
-//! `KHR_implicit_shapes`, or (in the form of 2023) a `shape` without a `geometry`.
+//! frame. Nodes with a `collider` are what collides: the mesh that its `geometry` names (in the form of 2025, the meshes of a
+//! node), a shape of `KHR_implicit_shapes`, or (in the form of 2023) a `shape` without a `geometry`.
 
 use gltf::json::{Node, Root};
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
