@@ -159,8 +159,14 @@ class ExportOptions(StageOptions, total=False):
     at: Annotated[str | float, "Where these axes are by default, in metres: so exports that are loaded together stand side by side [default: 0,0,0]"]
     floating: Annotated[bool, "Hang a URDF's object on a floating joint, for readers that fix a root to the world (MuJoCo); --at does so too"]
     links: Annotated[Literal["one", "parts"], "Links of the object in URDF, MJCF, SDF and USD: one rigid body, or each part by itself, fixed to its neighbour [default: one] [possible values: one, parts]"]
+    glb_look: Annotated[Literal["meshes", "splat", "both"], "What the GLB shows of the object: a mesh for each part, its Gaussians, or both [default: meshes] [possible values: meshes, splat, both]"]
+    mjcf_splats: Annotated[bool, "Write the Gaussians of each body of the MJCF as a PLY in the body's frame, which the MJCF names"]
     pad_geom: Annotated[str | Sequence[str], "Geoms of your gripper's pads, separated by commas: NAME_pads.xml beside the MJCF states the friction between each and the object as pairs"]
     friction: Annotated[Literal["rubber", "steel"], "Surface with which the frictions are [default: rubber] [possible values: rubber, steel]"]
+    license: Annotated[str, "Licence of the asset, for the metadata of USD, glTF and asset.json: CC-BY-4.0, for example"]
+    author: Annotated[str, "Author of the asset, likewise"]
+    wikidata: Annotated[str, "Wikidata's item for this kind of thing, likewise: Q25294 is a hammer"]
+    semantic_label: Annotated[str, "Semantic label of the whole object in USD [default: prop]"]
     work: Annotated[Path, "Work folder [default: SCENE/gprop]"]
 
 

@@ -306,6 +306,9 @@ pub struct ExportArgs {
     /// What the GLB shows of the object: a mesh for each part, its Gaussians, or both.
     #[arg(long, value_enum, default_value_t)]
     pub glb_look: export::GlbLook,
+    /// Write the Gaussians of each body of the MJCF as a PLY in the body's frame, which the MJCF names.
+    #[arg(long)]
+    pub mjcf_splats: bool,
     /// Geoms of your gripper's pads, separated by commas: NAME_pads.xml beside the MJCF states the friction between each and the
     /// object as pairs.
     #[arg(long, value_name = "NAME,...", value_delimiter = ',', value_parser = clap::builder::NonEmptyStringValueParser::new())]

@@ -174,6 +174,7 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
         at: args.at,
         floating: args.floating,
         glb_look: args.glb_look,
+        mjcf_splats: args.mjcf_splats,
         links: args.links,
         pad_geoms: &args.pad_geom,
         friction: args.friction,

@@ -13,7 +13,7 @@ use nalgebra::Vector3;
 
 use super::links::Inertial;
 use super::shape::Collider;
-use super::{ExportError, Files, Rigid, escaped, obj, spaced};
+use super::{ExportError, Files, Rigid, body_splats, escaped, obj, spaced};
 use crate::pictures::palette;
 use crate::vote::FieldPart;
 
@@ -68,10 +68,11 @@ fn body(rigid: &Rigid) -> String {
   </default>
   <asset>
 {assets}  </asset>
-  <worldbody>
+{splats}  <worldbody>
 {bodies}  </worldbody>
 </mujoco>
 "#,
+        splats = if rigid.has_splats { body_splats::texts(rigid) } else { String::new() },
         note = rigid.comments(),
         name = rigid.name,
     )

@@ -15,6 +15,7 @@
 
 mod asset;
 mod belief;
+mod body_splats;
 mod credits;
 mod format;
 mod glb;
@@ -135,6 +136,8 @@ pub struct Model<'a> {
     pub floating: bool,
     pub links: Links,
     pub glb_look: GlbLook,
+    /// Whether an MJCF comes with the Gaussians of each body.
+    pub mjcf_splats: bool,
     /// Names of the geoms of a gripper's pads, for which MJCF has pairs with the object's.
     pub pad_geoms: &'a [String],
     pub credits: &'a Credits,
@@ -404,7 +407,11 @@ fn require_beside_others(format: Format, model: &Model) -> Result<(), ExportErro
 fn write(format: Format, shared: &Shared, in_place: &Shared, files: &mut Files) -> Result<(), ExportError> {
     let model = shared.model;
     match format {
-        Format::Mjcf => mjcf::write(&shared.rigid()?, files),
+        Format::Mjcf => {
+            let rigid = shared.rigid()?;
+            mjcf::write(&rigid, files)?;
+            if model.mjcf_splats { body_splats::write(&rigid, &model.splat(&rigid.placement), files) } else { Ok(()) }
+        }
         Format::Urdf => urdf::write(&shared.rigid()?, files),
         Format::Sdf => sdf::write(shared, files),
         Format::Usda => usd::write_usda(&shared.rigid()?, shared.usd()?, files),
@@ -595,6 +602,7 @@ impl Shared<'_> {
             own_mesh: None,
             links,
             pad_geoms: self.model.pad_geoms,
+            has_splats: self.model.mjcf_splats,
             floating: self.model.floating || self.model.at != Vector3::zeros(),
             placement,
         })
@@ -628,6 +636,8 @@ struct Rigid<'a> {
     /// Each part by itself, those to which others are fixed first; empty for one rigid body.
     links: &'a [Link],
     pad_geoms: &'a [String],
+    /// Whether an MJCF names the files with the Gaussians of each body.
+    has_splats: bool,
     /// The mesh that URDF shows instead of the skin.
     own_mesh: Option<OwnMesh>,
 }
@@ -655,6 +665,13 @@ impl Rigid<'_> {
     /// The index of the link to which a collider belongs: the root, if there are none.
     fn link_of(&self, collider: &Collider) -> usize {
         self.links.iter().position(|link| link.parts.contains(&collider.part)).unwrap_or(0)
+    }
+
+    /// The indices of the Gaussians that go with a link. Those of a part without a link go with the root.
+    fn gaussians_of(&self, splat: &Splat, link: usize) -> Vec<usize> {
+        let of = |part: u32| self.links.iter().position(|link| link.parts.contains(&part)).unwrap_or(0);
+        let parts = splat.field.into_iter().flat_map(MaterialField::part_ids).enumerate();
+        parts.filter(|(_, part)| of(*part) == link).map(|(i, _)| i).collect()
     }
 
     /// The colliders of a link.

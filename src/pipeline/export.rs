@@ -35,6 +35,8 @@ pub struct ExportOptions<'a> {
     pub floating: bool,
     pub links: Links,
     pub glb_look: GlbLook,
+    /// Whether an MJCF comes with the Gaussians of each body.
+    pub mjcf_splats: bool,
     /// Names of the geoms of a gripper's pads, for MJCF.
     pub pad_geoms: &'a [String],
     /// The surface with which frictions are.
@@ -44,19 +46,8 @@ pub struct ExportOptions<'a> {
 
 /// Writes the object into `folder` once the parts are done.
 pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Exported> {
-    let ExportOptions {
-        formats,
-        colliders,
-        samples,
-        origin,
-        at,
-        floating,
-        links,
-        glb_look,
-        pad_geoms,
-        friction,
-        credits,
-    } = *options;
+    let ExportOptions { formats, colliders, samples, origin, at, floating, links, glb_look, .. } = *options;
+    let ExportOptions { mjcf_splats, pad_geoms, friction, credits, .. } = *options;
     let has_grasps = formats.may_be(Format::has_grasps);
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
@@ -88,6 +79,7 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
         floating,
         links,
         glb_look,
+        mjcf_splats,
         pad_geoms,
         credits,
         source: &source,

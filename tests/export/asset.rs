@@ -115,6 +115,7 @@ impl Weighed {
             at: Vector3::zeros(),
             floating: false,
             glb_look: GlbLook::Meshes,
+            mjcf_splats: false,
             links: Links::One,
             pad_geoms: &[],
             credits: &super::CREDITS,

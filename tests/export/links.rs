@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use gprop::export::{Format, Links, Model, export};
+use gprop::export::{Format, Links, Model, Origin, export};
+use gprop::gaussians::Gaussians;
 use gprop::parts::Parts;
+use gprop::scene::splat::ply;
 use gprop::units::Estimate;
 use nalgebra::{Matrix3, Vector3};
 use serde_json::{Value, json};
@@ -245,4 +247,61 @@ fn pads_without_a_name_and_links_of_several_objects_are_refused() {
         Some(2)
     );
     assert!(!Path::new("out").exists());
+}
+
+/// Each Gaussian is in the file of one body, where it would be if that body stood as it was exported.
+#[test]
+fn an_mjcf_names_the_gaussians_of_each_body_in_its_frame() {
+    let measured = Measured::small();
+    let (meters, gaussians) = (measured.scene.scale.as_ref().unwrap().meters_per_unit, &measured.scene.gaussians);
+    for links in [Links::One, Links::Parts] {
+        let out = TempDir::new().unwrap();
+        let model = Model { mjcf_splats: true, links, origin: Origin::Com, ..super::model(measured) };
+        export(&model, &[Format::Mjcf], out.path()).unwrap();
+        let xml = fs::read_to_string(out.path().join("hammer.xml")).unwrap();
+        let center = Vector3::from(measured.parts().object.center_of_mass_m);
+        let mut expected: Vec<Vector3<f64>> =
+            (0..gaussians.len()).map(|i| gaussians.center(i).coords * meters - center).collect();
+        let mut found = Vec::new();
+        for body in
+            between(&xml, "<text name=\"").into_iter().map(|name| name.strip_suffix("_splat").unwrap().to_owned())
+        {
+            let own = ply::read(&out.path().join(format!("splats/{body}.ply"))).unwrap().gaussians;
+            // Bodies are within each other: a link's place is the sum of those around it.
+            let place = place_of(&xml, &body);
+            found.extend((0..own.len()).map(|i| own.center(i).coords + place));
+            let widest =
+                |gaussians: &Gaussians| (0..gaussians.len()).map(|i| gaussians.scale(i).max()).fold(0.0, f64::max);
+            assert!(widest(&own) <= widest(gaussians) * meters * (1.0 + 1e-6));
+        }
+        let by_place = |a: &Vector3<f64>, b: &Vector3<f64>| {
+            a.iter().zip(b.iter()).map(|(a, b)| a.total_cmp(b)).find(|o| o.is_ne()).unwrap_or(std::cmp::Ordering::Equal)
+        };
+        assert_eq!(found.len(), expected.len());
+        let sum = |places: &[Vector3<f64>]| places.iter().sum::<Vector3<f64>>() / places.len() as f64;
+        assert!((sum(&found) - sum(&expected)).norm() < 1e-6);
+        expected.sort_by(by_place);
+        found.sort_by(by_place);
+        let farthest = found.iter().zip(&expected).map(|(a, b)| (a.x - b.x).abs()).fold(0.0, f64::max);
+        assert!(farthest < 1e-6, "{farthest}");
+    }
+}
+
+/// Where a body is: the sum of its position and those of the bodies around it.
+fn place_of(xml: &str, body: &str) -> Vector3<f64> {
+    let mut around: Vec<Vector3<f64>> = Vec::new();
+    for line in xml.lines().map(str::trim) {
+        if line.starts_with("<body ") {
+            let numbers = line.split_once("pos=\"").map(|(_, rest)| rest.split_once('"').unwrap().0);
+            let pos: Vec<f64> =
+                numbers.map_or(vec![0.0; 3], |text| text.split(' ').map(|n| n.parse().unwrap()).collect());
+            around.push(Vector3::from_vec(pos));
+            if line.contains(&format!("name=\"{body}\"")) {
+                return around.iter().sum();
+            }
+        } else if line == "</body>" {
+            around.pop();
+        }
+    }
+    panic!("{body} is not in {xml}")
 }

@@ -55,6 +55,7 @@ fn model(measured: &Measured) -> Model<'_> {
         floating: false,
         links: Links::One,
         glb_look: GlbLook::Meshes,
+        mjcf_splats: false,
         pad_geoms: &[],
         credits: &CREDITS,
         source: "point_cloud.ply",

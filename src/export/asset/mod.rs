@@ -77,7 +77,7 @@ pub(super) fn write(asset: &Asset, shared: &Shared, files: &mut Files) -> Result
     let colliders = if asset.colliders == Colliders::Keep { &[] } else { rigid.colliders };
     // Readers of URDF take OBJ and STL.
     let own_mesh = (format.ending != ".ply").then_some(OwnMesh { file, scale });
-    let rigid = Rigid { colliders, own_mesh, ..rigid };
+    let rigid = Rigid { colliders, own_mesh, has_splats: false, ..rigid };
     urdf::write(&rigid, files)?;
     mjcf::write(&rigid, files)?;
     let text = json::pretty(&facts).expect("facts are plain data");

@@ -25,7 +25,6 @@ use std::fmt::Write;
 use nalgebra::Vector3;
 
 use super::{ExportError, Files, Model, Rigid, Splat, obj};
-use crate::vote::MaterialField;
 use text::{extent, head, quoted, triple};
 
 /// What both forms have in common.
@@ -156,12 +155,7 @@ fn write_link(text: &mut String, splat: &Splat, rigid: &Rigid, n: usize) {
     );
     meshes::write_skin(text, rigid, &link.skin);
     meshes::write_colliders(text, rigid, rigid.colliders_of(n));
-    let is_other = |part: u32| rigid.links.iter().any(|other| other.name != link.name && other.parts.contains(&part));
-    // A Gaussian of a part without a link goes with the root.
-    let is_own = |part: u32| link.parts.contains(&part) || n == 0 && !is_other(part);
-    let parts = splat.field.into_iter().flat_map(MaterialField::part_ids).enumerate();
-    let own: Vec<usize> = parts.filter(|(_, part)| is_own(*part)).map(|(i, _)| i).collect();
-    gaussians::write(text, splat, &own, &rigid.name);
+    gaussians::write(text, splat, &rigid.gaussians_of(splat, n), &rigid.name);
     if n == 0 {
         grasps::write(text, rigid);
     }
