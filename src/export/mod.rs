@@ -30,6 +30,7 @@ mod obj;
 mod physgaussian;
 mod placement;
 mod ply_parts;
+mod png;
 mod sdf;
 mod shape;
 mod summary;

@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use nalgebra::Point3;
 
 use super::shape::Skin;
@@ -38,14 +37,6 @@ fn skin(skin: &Skin, materials: &str) -> String {
 /// The material of [`skin`], with its picture in the file `picture` beside it.
 fn skin_material(picture: &str) -> String {
     format!("newmtl skin\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0\nd 1\nillum 1\nmap_Kd {picture}\n")
-}
-
-/// A picture as PNG.
-pub fn png(picture: &image::RgbImage) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    let encoder = PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive);
-    picture.write_with_encoder(encoder).expect("a list of bytes can be written to");
-    bytes
 }
 
 fn write_vertices(text: &mut String, vertices: &[Point3<f64>]) {

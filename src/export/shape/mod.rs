@@ -19,7 +19,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Vector3};
 
-use super::{names, obj};
+use super::{names, png};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::parallel;
@@ -238,7 +238,7 @@ fn skin(painter: &Painter, shape: &Shape, part: Option<u32>, share: f64) -> Skin
     let mesh = surface::of(&solid.grid, &solid.mask(part));
     let mesh = simplify::simplified(mesh, triangles_of(share), 0.5 * solid.grid.cell);
     let (layout, size) = atlas::layout(&mesh, &painter.triangle_colors(&mesh), share);
-    let picture = obj::png(&painter.picture(&mesh, &layout, size));
+    let picture = png::encoded(&painter.picture(&mesh, &layout, size));
     let uv = layout.iter().map(|tile| tile.uv(size)).collect();
     let part = mesh.triangles.iter().map(|t| solid.part_at(&mesh.corners(*t))).collect();
     Skin { mesh: shape.finished(mesh), part, uv, picture }

@@ -24,7 +24,7 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
-use super::{ExportError, Files, Model, Rigid, Splat, obj};
+use super::{ExportError, Files, Model, Rigid, Splat, png};
 use text::{extent, head, quoted, triple};
 
 /// What both forms have in common.
@@ -36,7 +36,7 @@ pub(super) struct Layer {
 
 impl Layer {
     pub(super) fn of(model: &Model, rigid: &Rigid) -> Self {
-        Self { text: stage(model, rigid), thumbnail: obj::png(&thumbnail::draw(model, rigid)) }
+        Self { text: stage(model, rigid), thumbnail: png::encoded(&thumbnail::draw(model, rigid)) }
     }
 }
 
