@@ -23,7 +23,7 @@ pub enum Format {
     Usda,
     /// The same as `usda`, as one package
     Usdz,
-    /// glTF: a mesh for each part with its properties; a second file with the convex colliders
+    /// glTF: a rigid body (`KHR_physics_rigid_bodies`) with a mesh and convex colliders for each part; a second file shows the colliders
     Glb,
     /// glTF with the Gaussians (`KHR_gaussian_splatting`)
     GltfSplat,
@@ -76,7 +76,7 @@ impl Format {
             Self::Physgaussian => &["PhysGaussian"],
             Self::Usda | Self::Usdz => &["Isaac Sim", "Newton", "OpenUSD", "Blender"],
             Self::Glb => &["Blender", "three.js", "Babylon.js", "Godot", "trimesh"],
-            Self::GltfSplat => &["readers of KHR_gaussian_splatting"],
+            Self::GltfSplat => &["Babylon.js", "readers of KHR_gaussian_splatting"],
             Self::PlyParts => &["readers of 3DGS PLY", "gprop"],
             Self::Asset => &["whatever reads the mesh"],
             Self::Csv => &["spreadsheets", "pandas"],
