@@ -408,7 +408,7 @@ fn tables_have_a_row_for_each_face_and_vertex() {
     for (file, what, rows) in [(&files[0], "face", 12), (&files[1], "vertex", 8)] {
         let text = fs::read_to_string(file).unwrap();
         let mut lines = text.lines();
-        let header = format!("{what},part_index,material_id,density,E,nu,yield_stress,friction,hardness,material");
+        let header = format!("{what},part_label,material_id,density,E,nu,yield_stress,friction,hardness,material");
         assert_eq!(lines.next(), Some(header.as_str()));
         assert_eq!(lines.clone().count(), rows);
         assert!(

@@ -274,7 +274,7 @@ fn extra_properties_follow_the_rotation_and_replace_older_ones() {
     let header = String::from_utf8_lossy(&written).into_owned();
     assert!(
         header.contains(
-            "float rot_3\nproperty float part_index\nproperty float density\nproperty float conf\nend_header"
+            "float rot_3\nproperty float part_label\nproperty float density\nproperty float conf\nend_header"
         )
     );
     let again = ply::parse(&written).unwrap().gaussians;
