@@ -34,9 +34,9 @@ use serde::Serialize;
 
 use crate::error::{Error, Result, UsageError};
 use crate::files::json;
-use crate::links::is_container;
 use crate::pipeline::{self, OBJECT, Preset, Stage, THREADS, flags_of_scene, known_flags};
 use crate::scene::ObjectChoice;
+use crate::scene::mesh::containers::is_robot;
 use crate::scene::mesh::is_mesh;
 use crate::words::output;
 use crate::words::progress::{Progress, ShowProgress};
@@ -71,7 +71,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
     prepare(&cli)?;
     let global = &cli.global;
     match &cli.command {
-        Command::Run(args) if is_container(&args.scene.scene) => container::run(global, args),
+        Command::Run(args) if is_robot(&args.scene.scene) => container::run(global, args),
         Command::Run(args) => {
             let run = objects::Run { to: args.to, simulates: !args.no_simulate, for_python: args.for_python };
             // A scene of a batch is one object.
@@ -95,7 +95,7 @@ fn run(arguments: Vec<OsString>) -> Result<()> {
             let formats = export::list();
             print(global, &formats, || export::text(&formats))
         }
-        Command::Export(args) if is_container(args.scene()) => container::export(global, args),
+        Command::Export(args) if is_robot(args.scene()) => container::export(global, args),
         Command::Export(args) if args.options.scene.object == ObjectChoice::All => objects::export_all(global, args),
         Command::Export(args) => scene::export(global, args),
         Command::Inspect(args) => tools::inspect(global, args),
@@ -130,9 +130,9 @@ fn prepare(Cli { global, command }: &Cli) -> Result<()> {
     Ok(())
 }
 
-/// True if the user named a single picture instead of a scene: a file that is no mesh.
+/// True if the user named a single picture instead of a scene: a file that is no mesh and no robot.
 fn is_picture(scene: &Path) -> bool {
-    scene.is_file() && !is_mesh(scene)
+    scene.is_file() && !is_mesh(scene) && !is_robot(scene)
 }
 
 /// The program's clap command: all arguments, with their help.

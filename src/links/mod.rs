@@ -61,12 +61,6 @@ pub enum LinksError {
     Write { path: PathBuf, source: std::io::Error },
 }
 
-/// True if the file at `path` is a container by its name.
-pub fn is_container(path: &Path) -> bool {
-    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
-    ending.is_some_and(|ending| ["urdf", "xml"].contains(&ending.as_str())) && path.is_file()
-}
-
 /// The links of a container, prepared to be run.
 pub struct Prepared {
     container: Container,

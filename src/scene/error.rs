@@ -38,6 +38,12 @@ pub enum SceneError {
         mesh::endings()
     )]
     NotAFolder { path: PathBuf },
+    #[error(
+        "each link of `{}` is an object of its own: `gprop run {0} --to consensus` writes them into `{}`; give one of these",
+        path.display(),
+        path.with_extension("gprop").join("links").display()
+    )]
+    IsRobot { path: PathBuf },
     #[error("{flag} is for scenes with a splat and photos; a mesh has none of these, so leave it out")]
     NotForMeshes { flag: &'static str },
     #[error("cannot read `{}`: {reason}", path.display())]

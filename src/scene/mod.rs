@@ -395,6 +395,7 @@ pub fn home(scene: &Path) -> PathBuf {
 fn check_is_folder(path: &Path) -> Result<(), SceneError> {
     match (path.is_dir(), path.exists()) {
         (true, _) => Ok(()),
+        (false, true) if mesh::containers::is_robot(path) => Err(SceneError::IsRobot { path: path.to_owned() }),
         (false, true) => Err(SceneError::NotAFolder { path: path.to_owned() }),
         (false, false) => Err(SceneError::NoFolder { path: path.to_owned() }),
     }

@@ -57,3 +57,13 @@ fn a_broken_mesh_gets_one_error_and_nothing_is_written() {
         }
     }
 }
+
+#[test]
+fn commands_about_one_object_say_where_the_links_of_a_robot_are() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("robot.urdf"), "<robot name=\"r\"/>").unwrap();
+    for command in [&["query", "--export", "q"][..], &["answer"], &["inspect"], &["segment"], &["parts"]] {
+        let output = gprop().args(command).arg("robot.urdf").current_dir(folder.path()).output().unwrap();
+        assert_refused(&output, 3, &["`gprop run robot.urdf --to consensus`", "robot.gprop/links"]);
+    }
+}

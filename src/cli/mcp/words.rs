@@ -9,10 +9,10 @@ use serde_json::{Map, Value};
 
 use crate::cli::option_types::{self, takes_several};
 use crate::config::{Flag, Owner, Refusal};
-use crate::links::is_container;
 use crate::mcp::{Refused, Roots};
 use crate::pipeline::known_flags;
 use crate::scene;
+use crate::scene::mesh::containers::is_robot;
 
 use super::tools::{Kind, OPTIONS, On, Tool};
 
@@ -74,7 +74,7 @@ impl Words {
         if takes_answers && !arguments.get("answers").is_some_and(Value::is_string) {
             flags.push("--answers=replay".into());
         }
-        let is_container = on == Some(On::Scene) && paths.first().is_some_and(|path| is_container(path));
+        let is_container = on == Some(On::Scene) && paths.first().is_some_and(|path| is_robot(path));
         let positionals = paths.into_iter().map(PathBuf::into_os_string).chain(names).collect();
         Ok(Self { command, flags, positionals, is_container })
     }

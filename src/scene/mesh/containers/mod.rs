@@ -32,6 +32,12 @@ use crate::files::read_scope::ReadScope;
 pub use error::{Broken, ContainerError};
 pub use files::FileProblem;
 
+/// True if the file at `path` is a URDF or an MJCF by its name.
+pub fn is_robot(path: &Path) -> bool {
+    let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
+    ending.is_some_and(|ending| ["urdf", "xml"].contains(&ending.as_str())) && path.is_file()
+}
+
 /// A format of containers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Format {
