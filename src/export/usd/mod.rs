@@ -182,6 +182,9 @@ fn write_link(text: &mut String, splat: &Splat, rigid: &Rigid, n: usize) {
     }
 }
 
+/// The metadata that SimReady's requirement SR.001 wants in the layer's own data.
+const CORE_METADATA: [&str; 4] = ["asset_name", "asset_type", "source_file", "usd_date_generated"];
+
 /// The metadata that SimReady's validators require of an asset.
 fn metadata(rigid: &Rigid) -> String {
     let (low, high) = rigid.extent();
@@ -196,7 +199,12 @@ fn metadata(rigid: &Rigid) -> String {
         // Without the clock, so that the same input gives the same bytes.
         ("usd_date_generated", "not recorded"),
     ];
-    let mut text = "        dictionary SimReady_Metadata = {\n".to_owned();
+    let mut text = String::new();
+    // Version 0.1.0 of the core feature, which the features for engines include, looks for these beside the dictionary.
+    for (key, value) in strings.iter().filter(|(key, _)| CORE_METADATA.contains(key)) {
+        let _ = writeln!(text, "        string {key} = {}", quoted(value));
+    }
+    text.push_str("        dictionary SimReady_Metadata = {\n");
     let note = rigid.note_on_scale.map(|note| ("note", note));
     for (key, value) in strings.into_iter().chain(note) {
         let _ = writeln!(text, "            string {key} = {}", quoted(value));
