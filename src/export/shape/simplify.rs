@@ -23,10 +23,11 @@ struct Quadric {
     area: f64,
 }
 
+/// An edge that may be removed. Small, since the queue holds several for each edge: where the vertex goes follows from the ends as long
+/// as they are unchanged.
 struct Collapse {
     error: f64,
     ends: [u32; 2],
-    to: Point3<f64>,
     /// Number of changes of both ends when it was computed.
     age: u32,
 }
@@ -41,8 +42,12 @@ pub fn simplified(mesh: Mesh, triangles: usize, error: f64) -> Mesh {
         if next.error > error * error {
             break;
         }
-        if work.is_current(&next) && work.fits(&next) {
-            work.carry_out(&next);
+        if !work.is_current(&next) {
+            continue;
+        }
+        let (to, _) = work.target(next.ends);
+        if work.fits(next.ends, to) {
+            work.carry_out(next.ends, to);
             left -= 2;
         }
     }
@@ -76,34 +81,28 @@ impl Work {
             quadric.stay(at);
         }
         let (count, changes) = (triangles.len(), vec![0; vertices.len()]);
-        let mut work = Self {
-            vertices,
-            triangles,
-            alive: vec![true; count],
-            quadrics,
-            around,
-            changes,
-            queue: BinaryHeap::with_capacity(3 * count),
-        };
-        for t in 0..count {
-            let [a, b, c] = work.triangles[t];
-            for (from, to) in [(a, b), (b, c), (c, a)] {
-                if from < to {
-                    work.offer(from, to);
-                }
-            }
-        }
+        let mut work =
+            Self { vertices, triangles, alive: vec![true; count], quadrics, around, changes, queue: BinaryHeap::new() };
+        let edges = work.triangles.iter().flat_map(|&[a, b, c]| [[a, b], [b, c], [c, a]]);
+        work.queue = edges.filter(|[from, to]| from < to).map(|ends| work.collapse(ends)).collect();
         work
     }
 
-    fn offer(&mut self, a: u32, b: u32) {
-        let mut sum = self.quadrics[a as usize];
-        sum.add(&self.quadrics[b as usize]);
-        let (p, q) = (self.vertices[a as usize], self.vertices[b as usize]);
+    /// Where the edge's vertex goes, and the error there.
+    fn target(&self, ends: [u32; 2]) -> (Point3<f64>, f64) {
+        let [a, b] = ends.map(|v| v as usize);
+        let mut sum = self.quadrics[a];
+        sum.add(&self.quadrics[b]);
+        let (p, q) = (self.vertices[a], self.vertices[b]);
         let middle = nalgebra::center(&p, &q);
         let best = sum.least().filter(|best| (best - middle).norm() < 2.0 * (p - q).norm()).unwrap_or(middle);
-        let age = self.changes[a as usize] + self.changes[b as usize];
-        self.queue.push(Collapse { error: sum.at(&best), ends: [a.min(b), a.max(b)], to: best, age });
+        (best, sum.at(&best))
+    }
+
+    /// `ends` in their order.
+    fn collapse(&self, ends: [u32; 2]) -> Collapse {
+        let [a, b] = ends.map(|v| v as usize);
+        Collapse { error: self.target(ends).1, ends, age: self.changes[a] + self.changes[b] }
     }
 
     fn is_current(&self, collapse: &Collapse) -> bool {
@@ -120,8 +119,7 @@ impl Work {
     }
 
     /// True if the two ends share just the two vertices opposite their edge, and no triangle turns over.
-    fn fits(&self, collapse: &Collapse) -> bool {
-        let [a, b] = collapse.ends;
+    fn fits(&self, [a, b]: [u32; 2], to: Point3<f64>) -> bool {
         let beside = self.neighbours(b);
         let shared: Vec<u32> = self.neighbours(a).into_iter().filter(|n| beside.binary_search(n).is_ok()).collect();
         // A vertex with three triangles would leave a flap behind.
@@ -134,7 +132,7 @@ impl Work {
                     return true;
                 }
                 let before = triangle.map(|v| self.vertices[v as usize]);
-                let after = triangle.map(|v| if v == moved { collapse.to } else { self.vertices[v as usize] });
+                let after = triangle.map(|v| if v == moved { to } else { self.vertices[v as usize] });
                 let normal = |[a, b, c]: [Point3<f64>; 3]| (b - a).cross(&(c - a));
                 let (old, new) = (normal(before), normal(after));
                 let least = 1e-3 * longest_side(after).powi(2);
@@ -143,8 +141,8 @@ impl Work {
         })
     }
 
-    fn carry_out(&mut self, collapse: &Collapse) {
-        let [kept, gone] = collapse.ends;
+    /// Removes the second of the ends, and moves the first to `to`.
+    fn carry_out(&mut self, [kept, gone]: [u32; 2], to: Point3<f64>) {
         let of_gone = std::mem::take(&mut self.around[gone as usize]);
         for t in of_gone {
             let triangle = self.triangles[t as usize];
@@ -158,13 +156,13 @@ impl Work {
                 self.around[kept as usize].push(t);
             }
         }
-        self.vertices[kept as usize] = collapse.to;
+        self.vertices[kept as usize] = to;
         let absorbed = self.quadrics[gone as usize];
         self.quadrics[kept as usize].add(&absorbed);
         // Beyond both ends' counts, so that no older offer of this vertex looks current.
         self.changes[kept as usize] += self.changes[gone as usize] + 1;
         for n in self.neighbours(kept) {
-            self.offer(kept, n);
+            self.queue.push(self.collapse([kept.min(n), kept.max(n)]));
         }
     }
 
