@@ -11,7 +11,7 @@ pub use crate::query::ask::cost::UsdPerMtok;
 pub use crate::query::{AnswerSource, Context, Guidance, Hints, LabelSet, Options as QueryOptions};
 pub use crate::scene::cameras::align::Align;
 pub use crate::scene::{
-    MaskChoice, ObjectBox, ObjectChoice, Options as SceneOptions, QuaternionOrder, ScaleChoice, UpChoice,
+    MaskChoice, ObjectBox, ObjectChoice, Options as SceneOptions, PhotoPoint, QuaternionOrder, ScaleChoice, UpChoice,
 };
 pub use crate::segment::{DecoderRuntime, GeneratorOptions, Options as SegmentOptions, PointPrompts, SelectionOptions};
 pub use crate::setup::Options as SetupOptions;

@@ -9,7 +9,7 @@ use clap::{Arg, Args, Command};
 use gprop::gaussians::bounds::Bounds;
 use gprop::grasp::GraspError;
 use gprop::parts::PartsError;
-use gprop::scene::{ObjectBox, ScaleChoice};
+use gprop::scene::{ObjectBox, PhotoPoint, ScaleChoice};
 use gprop::{CancelToken, ErrorKind, Event, Options, Pipeline, Plan, Stage};
 use nalgebra::Point3;
 
@@ -209,6 +209,7 @@ type Spoil = fn(&mut Options);
 const OUTSIDE: &[(&str, Spoil)] = &[
     ("--views", |o| o.scene.views = NonZeroUsize::new(100_001).unwrap()),
     ("--render-views", |o| o.scene.render_views = NonZeroUsize::new(100_001)),
+    ("--object-at", |o| o.scene.object_at = Some(PhotoPoint { view: String::new(), pixel: [1, 1] })),
     ("--object-box", |o| {
         o.scene.object_box = Some(ObjectBox(Bounds { min: Point3::origin(), max: [f64::NAN; 3].into() }));
     }),

@@ -64,6 +64,11 @@ fn going_on(command: &str) -> Option<(Stage, &'static str)> {
     }
 }
 
+/// The option that names the work folder of `command`, if it has one.
+pub fn work_option(command: &str) -> &'static str {
+    going_on(command).map_or("out", |(_, option)| option)
+}
+
 /// The stage whose options are only for the command itself, if the command goes on from the last run: the user may be
 /// trying out a simulation or a grasp, or exporting a grasp. A later command does the stage again with its own options.
 pub fn once(command: &str) -> Option<Stage> {

@@ -12,6 +12,7 @@ mod last_run;
 mod log;
 mod manual;
 mod mcp;
+mod object_names;
 mod objects;
 mod option_types;
 mod picture;
@@ -150,6 +151,7 @@ fn parse(arguments: &[OsString]) -> Result<Cli> {
 
 /// Like [`parse`], with the user's configuration in `user_file`.
 fn parse_with(arguments: &[OsString], user_file: Option<&Path>) -> Result<Cli> {
+    let arguments = &*object_names::by_number(arguments)?;
     let Inserted { arguments: all, files, mut stages } = insert_flags(arguments, user_file)?;
     let matches = command().try_get_matches_from(all).map_err(|error| with_its_place(error, arguments, &files))?;
     let mut cli = Cli::from_arg_matches(&matches)?;
@@ -511,6 +513,7 @@ mod tests {
         "max-questions",
         "max-simulation-minutes",
         "max-usd",
+        "object-at",
         "offline",
         "ort-lib",
         "preset",

@@ -135,13 +135,13 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
                 continue;
             }
             let Each { global: own, work } = each(number)?;
-            own.progress().line(&number.to_string());
+            own.progress().line(&objects.objects[index].title());
             if let Err(error) = run_object(&own, folder, &WorkArgs { from: pass.from, ..work }, pass.run) {
                 if ends_all(&error) {
                     return Err(error);
                 }
                 let text = exit::message(&error);
-                tracing::warn!("{number}: {text}");
+                tracing::warn!("{}: {text}", objects.objects[index].title());
                 errors[index] = Some(text);
             }
             objects.read_results(&root, &errors);
@@ -154,9 +154,8 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
     } else {
         print(global, &objects, || objects.text() + &page)?;
     }
-    let results = ObjectNumber::first(found.count).zip(&errors);
-    let failed: Vec<String> =
-        results.filter(|(_, error)| error.is_some()).map(|(number, _)| number.to_string()).collect();
+    let failed = objects.objects.iter().filter(|object| object.error.is_some());
+    let failed: Vec<String> = failed.map(objects::Object::title).collect();
     if failed.is_empty() { Ok(()) } else { Err(SomeFailed { count: numbers.len(), failed }.into()) }
 }
 

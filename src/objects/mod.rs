@@ -4,14 +4,16 @@
 //! 2. [`picture`]: the photo that shows most of them, with their outlines and numbers.
 //! 3. [`page`]: both on one page, with links to the reports of the objects that were run.
 //!
-//! `scene` tells the objects apart.
+//! `scene` tells the objects apart; [`names`] are what the model took them for.
 
+mod names;
 mod page;
 mod picture;
 mod seen;
 
 use std::path::{Path, PathBuf};
 
+pub use names::{NameError, Names, folders_in};
 use serde::Serialize;
 
 use crate::error::Result;
@@ -19,7 +21,7 @@ use crate::parts::Parts;
 use crate::query::{Recognition, WholeAnswer};
 use crate::scene::{ObjectNumber, Options, StandingObjects, Up};
 use crate::units::Estimate;
-use crate::words::output::{counted, thousands};
+use crate::words::output::{counted, one_line, thousands};
 use crate::words::progress::Progress;
 use crate::words::readable::interval;
 use crate::workdir::{self, Artifact, WorkDir};
@@ -171,7 +173,7 @@ impl Objects {
                 object.seen_in_words()
             );
             if let Some(caption) = &object.caption {
-                text += &format!("; {caption}");
+                text += &format!("; {}", one_line(caption));
             }
             if let Some(mass) = object.mass_kg {
                 text += &format!("; {} kg", interval(mass, 1.0));
@@ -186,6 +188,13 @@ impl Objects {
 }
 
 impl Object {
+    /// Its name, with what the model took it for: `object_2 (mug)`.
+    pub fn title(&self) -> String {
+        self.caption
+            .as_deref()
+            .map_or_else(|| self.name.clone(), |caption| format!("{} ({})", self.name, one_line(caption)))
+    }
+
     /// In how many photos it is seen, and how much of it is hidden there.
     fn seen_in_words(&self) -> String {
         format!("in {}, {:.0} % hidden", counted(self.photos, "photo"), 100.0 * self.hidden)

@@ -86,8 +86,9 @@ impl Builder {
     }
 }
 
-fn load(folder: &Path, out: Option<&Path>, options: Options, watcher: Watcher) -> Result<OpenScene> {
+fn load(folder: &Path, out: Option<&Path>, mut options: Options, watcher: Watcher) -> Result<OpenScene> {
     options.check()?;
+    options.scene = options.scene.with_object_by_number(folder)?.into_owned();
     shared_scale::check(&options)?;
     let scene = crate::scene::load_with_progress(folder, &options.scene, watcher.progress(None))?;
     let tools = Tools::load(&options)?;

@@ -11,6 +11,7 @@ use crate::files::json;
 use crate::scene::mesh::{self, MeshError};
 use crate::scene::object::choice::ObjectNumber;
 use crate::scene::object::outliers::AllSetAside;
+use crate::scene::object::photo_point::PhotoPoint;
 use crate::scene::reference::Outside;
 use crate::scene::splat::ply::PlyError;
 use crate::words::output::counted;
@@ -135,6 +136,12 @@ pub enum SceneError {
         only_standing(*count)
     )]
     NoSuchObject { given: ObjectNumber, count: usize },
+    #[error(
+        "--object-at {given}: that pixel of a photo of {} x {} shows no object; {}",
+        size[0], size[1],
+        objects_shown(shown)
+    )]
+    NoObjectAt { given: PhotoPoint, size: [u32; 2], shown: Vec<String> },
     #[error(
         "there are no objects to tell apart: {0}; gprop tells them apart if photos without masks go all around the surface on \
          which they stand"
@@ -278,6 +285,14 @@ fn only_standing(count: usize) -> String {
         0 => "nothing stands".to_owned(),
         1 => "only 1 object stands".to_owned(),
         more => format!("only {more} objects stand"),
+    }
+}
+
+fn objects_shown(shown: &[String]) -> String {
+    match shown {
+        [] => "nor does any other of its pixels; `gprop objects SCENE` shows what gprop takes for an object".to_owned(),
+        _ if shown.len() > MOST_VIEWS_NAMED => format!("it shows {}, and more", shown[..MOST_VIEWS_NAMED].join(", ")),
+        _ => format!("it shows {}", shown.join(", ")),
     }
 }
 

@@ -35,6 +35,7 @@ use std::sync::Arc;
 use crate::camera::Camera;
 use crate::files;
 use crate::gaussians::Gaussians;
+use crate::render::{RenderOptions, render_labels};
 use crate::units::MetricScale;
 use crate::words::progress::Progress;
 use cameras::align::{Align, Conversion};
@@ -47,6 +48,7 @@ use crate::gaussians::bounds::{ellipsoid_bounds, least_box, longest_side};
 pub use error::{SceneError, SplatProblem};
 pub use object::ObjectSource;
 pub use object::choice::{ObjectChoice, ObjectNumber};
+pub use object::photo_point::PhotoPoint;
 pub use of_mesh::{MeshCounts, SceneMesh};
 pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
 pub use photos::mask_color::{MaskChoice, MaskColor};
@@ -205,6 +207,7 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     if mesh::is_mesh(folder) && folder.is_file() {
         return of_mesh::load(folder, options);
     }
+    let options = &*options.with_object_by_number(folder)?;
     let Capture { mut found, gaussians, views, mut as_read, frame } = Capture::read(folder, options)?;
     let means = object::Means {
         object: options.object,
@@ -272,6 +275,18 @@ const LOOK_IF_FEW_ARE_SET_ASIDE: &str =
 const REMEDY_IF_MANY_ARE_SET_ASIDE: &str =
     "if the report shows that something of the object is missing, train the splat again";
 
+impl Options {
+    /// The same with the number of the object that `--object-at` points at in the capture in `folder`.
+    ///
+    /// # Errors
+    /// As [`StandingObjects::find`] and [`StandingObjects::at`].
+    pub fn with_object_by_number(&self, folder: &Path) -> Result<Cow<'_, Self>, SceneError> {
+        let Some(point) = &self.object_at else { return Ok(Cow::Borrowed(self)) };
+        let number = StandingObjects::find(folder, self)?.at(point)?;
+        Ok(Cow::Owned(Self { object: ObjectChoice::One(number), object_at: None, ..self.clone() }))
+    }
+}
+
 /// In the place of the number of an object.
 const NO_OBJECT: u32 = 0;
 
@@ -329,7 +344,8 @@ impl StandingObjects {
     /// # Errors
     /// As [`load`].
     pub fn find_several(folder: &Path, options: &Options) -> Result<Option<Self>, SceneError> {
-        if !folder.is_dir() || options.object_box.is_some() || options.render_views.is_some() {
+        let is_chosen = options.object_at.is_some() || options.object_box.is_some();
+        if !folder.is_dir() || is_chosen || options.render_views.is_some() {
             return Ok(None);
         }
         let mut found = Found::default();
@@ -353,6 +369,31 @@ impl StandingObjects {
             0 => Err(SceneError::NoSupport("nothing stands on the surface that the cameras look at")),
             _ => Ok(()),
         }
+    }
+
+    /// The object that a pixel of a photo shows.
+    ///
+    /// # Errors
+    /// If there is no such view, or the pixel is outside of it or shows no object.
+    pub fn at(&self, point: &PhotoPoint) -> Result<ObjectNumber, SceneError> {
+        let view = &self.views[index_of(&self.views, &point.view)?];
+        let (size, [x, y]) = (view.camera.intrinsics, point.pixel);
+        let labels = render_labels(&self.gaussians, &view.camera, &self.object_of_gaussian, &RenderOptions::default());
+        let label_at = |x: u32, y: u32| labels[y as usize * size.width as usize + x as usize];
+        let shown = (x < size.width && y < size.height).then(|| label_at(x, y)).flatten();
+        ObjectNumber::first(self.count).find(|number| shown == Some(number.get())).ok_or_else(|| {
+            let middle = |number: ObjectNumber| {
+                let mine = (0..size.height).flat_map(|y| (0..size.width).map(move |x| [x, y]));
+                let mine: Vec<_> = mine.filter(|[x, y]| label_at(*x, *y) == Some(number.get())).collect();
+                let [x, y] = *mine.get(mine.len() / 2)?;
+                Some(format!("{number} (such as at {x},{y})"))
+            };
+            SceneError::NoObjectAt {
+                given: point.clone(),
+                size: [size.width, size.height],
+                shown: ObjectNumber::first(self.count).filter_map(middle).collect(),
+            }
+        })
     }
 
     /// The Gaussians of an object, in the world's frame.

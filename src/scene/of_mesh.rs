@@ -87,6 +87,7 @@ fn refuse_options_of_photos(options: &Options) -> Result<(), SceneError> {
         (options.align != Align::default(), "--align"),
         (options.up != UpChoice::Auto, "--up"),
         (options.object != ObjectChoice::Auto, "--object"),
+        (options.object_at.is_some(), "--object-at"),
         (options.object_box.is_some(), "--object-box"),
     ];
     match given.into_iter().find(|(is_given, _)| *is_given) {

@@ -16,6 +16,7 @@ use crate::files::read_scope::ReadScope;
 use crate::gaussians::bounds::Bounds;
 use crate::scene::cameras::align::Align;
 use crate::scene::object::choice::ObjectChoice;
+use crate::scene::object::photo_point::PhotoPoint;
 use crate::scene::photos::mask_color::MaskChoice;
 use crate::scene::splat::QuaternionOrder;
 use crate::scene::up::choice::UpChoice;
@@ -105,15 +106,22 @@ pub struct Options {
     #[arg(long, value_name = "auto|-y|...|X,Y,Z", default_value_t, allow_hyphen_values = true)]
     pub up: UpChoice,
 
-    /// Object to take of those on a table, by its number in `gprop objects`; `gprop run` also takes `all`
+    /// Object to take of those on a table, by its number in `gprop objects` or by what the model took it for; `gprop run` also
+    /// takes `all`
     ///
-    /// Its name, such as object_2, will do too. Its results go to WORK/objects/object_2. With `auto`, the only one is taken; if
-    /// there are several, `gprop run` takes all, and other commands the densest cluster of Gaussians that the cameras look at
-    #[arg(long, value_name = "auto|all|N|NAME", default_value_t, overrides_with = "object_box")]
+    /// Of what the model took it for, a word is enough that no other object has: `mug`. The results of object_2 go to
+    /// WORK/objects/object_2. With `auto`, the only one is taken; if there are several, `gprop run` takes all, and other commands
+    /// the densest cluster of Gaussians that the cameras look at
+    #[arg(long, value_name = "auto|all|N|NAME", default_value_t, overrides_with_all = ["object_at", "object_box"])]
     pub object: ObjectChoice,
 
+    /// Object to take of those on a table, by a pixel that shows it: a photo's file name without extension, and the pixel from
+    /// the left and from the top
+    #[arg(long, value_name = "VIEW:X,Y", overrides_with_all = ["object", "object_box"])]
+    pub object_at: Option<PhotoPoint>,
+
     /// Box around the object: two corners in the splat's frame and unit
-    #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true, overrides_with = "object")]
+    #[arg(long, value_name = "X,Y,Z:X,Y,Z", allow_hyphen_values = true, overrides_with_all = ["object", "object_at"])]
     pub object_box: Option<ObjectBox>,
 
     /// Render this many views from the splat itself instead of using photos
@@ -138,6 +146,7 @@ impl Options {
     pub fn check(&self) -> Result<(), OptionError> {
         VIEWS.check("--views", self.views)?;
         VIEWS.check("--render-views", self.render_views)?;
+        self.object_at.as_ref().map_or(Ok(()), PhotoPoint::check)?;
         check_typed("--object-box", self.object_box.as_ref())?;
         check_typed("--scale", &self.scale)
     }

@@ -453,6 +453,11 @@ pub fn named_or(named: Option<&Path>, default: PathBuf) -> Result<PathBuf, WorkD
     Ok(default)
 }
 
+/// The folder with the work folders of the objects of a capture whose own is `root`.
+pub fn objects_folder(root: &Path) -> PathBuf {
+    root.join(OBJECTS)
+}
+
 /// The work folder of the object `name` of a capture whose own is `root`; `root` itself if it is that folder already.
 pub fn object_folder(root: &Path, name: &str) -> PathBuf {
     let below = Path::new(OBJECTS).join(name);

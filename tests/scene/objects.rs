@@ -4,6 +4,7 @@ use std::path::Path;
 
 use gprop::camera::Camera;
 use gprop::gaussians::{ELLIPSOID_DEVIATIONS, Gaussians};
+use gprop::pipeline::{Pipeline, Plan, Stage};
 use gprop::render::{RenderOptions, render, render_labels};
 use gprop::scene::splat::ply;
 use gprop::scene::{self, ObjectNumber, ObjectSource, Options, SceneError, StandingObjects};
@@ -216,6 +217,17 @@ impl Table {
         self.thing_of.len()
     }
 
+    /// Stores an answer about the object, as a run does.
+    fn answer(&self, object: &str, taken_for: &str) {
+        let answer = json!({
+            "view": "000", "status": "answered", "object": taken_for, "printed": null, "pieces": [], "unnumbered": [],
+            "hypotheses": [{ "what": taken_for, "probability": 1.0, "mass_kg": [0.1, 0.2] }],
+        });
+        let work = self.path().join("gprop/objects").join(object);
+        std::fs::create_dir_all(&work).unwrap();
+        std::fs::write(work.join("object.json"), answer.to_string()).unwrap();
+    }
+
     fn views_of(&self, object: &str) -> Value {
         let path = self.path().join("gprop/objects").join(object).join("views.json");
         serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
@@ -288,6 +300,65 @@ fn one_object_is_a_scene_of_its_own() {
     assert!(densest.warnings.iter().any(|warning| warning.starts_with("2 objects stand")), "{:?}", densest.warnings);
     let of_box = load(&["--object", "2", "--object-box=-9,-9,-9:9,9,9"]).unwrap();
     assert_eq!(of_box.object_source, ObjectSource::Box, "the last one counts");
+}
+
+#[test]
+fn a_pixel_of_a_photo_chooses_the_object_that_it_shows() {
+    let table = Table::new();
+    let map = table.true_map(9);
+    let place_of = |thing: u32| {
+        let mine: Vec<_> = map.enumerate_pixels().filter(|(_, _, id)| u32::from(id.0[0]) == thing).collect();
+        let (x, y, _) = mine[mine.len() / 2];
+        format!("009:{x},{y}")
+    };
+    let cup = scene::load(table.path(), &options(&["--object-at", &place_of(CUP)]).unwrap()).unwrap();
+    assert!(cup.name.ends_with("_object_2"), "{}", cup.name);
+    let at_table = scene::load(table.path(), &options(&["--object-at", "009:0,0"]).unwrap());
+    assert_message(at_table, &["--object-at 009:0,0", "192 x 144", "it shows object_1 (such as at ", "object_2"]);
+    let outside = scene::load(table.path(), &options(&["--object-at", "009:192,0"]).unwrap());
+    assert_message(outside, &["--object-at 009:192,0", "shows no object"]);
+    let elsewhere = scene::load(table.path(), &options(&["--object-at", "99:1,1"]).unwrap());
+    assert_message(elsewhere, &["no view is named `99`", "000"]);
+    // The results go where those of the same object by its number go, and a later command finds them.
+    let (code, _, error) = table.run(&["run", "--to", "scene", "--object-at", &place_of(BRICK)]);
+    assert!(code == Some(0) && table.views_of("object_1")["gaussians"].is_number(), "{error}");
+    let (code, text, error) = table.run(&["run", "--to", "scene", "--dry-run", "--object", "1"]);
+    assert_eq!((code, text.trim()), (Some(0), "scene     done"), "{error}");
+    let mut of_library = gprop::pipeline::Options::default();
+    of_library.scene = options(&["--object-at", &place_of(CUP)]).unwrap();
+    let plan = Plan::to(Stage::Scene);
+    Pipeline::builder(table.path()).options(of_library).plan(plan).open().unwrap().run().unwrap();
+    assert!(table.views_of("object_2")["gaussians"].is_number());
+    let (code, _, error) = table.run(&["run", "--object-at", "009"]);
+    assert!(code == Some(2) && error.contains("--object-at 009: not VIEW:X,Y"), "{error}");
+}
+
+#[test]
+fn an_object_is_chosen_by_what_the_model_took_it_for() {
+    let table = Table::new();
+    let chosen = |option: &str| table.run(&["run", "--to", "scene", "--dry-run", option]);
+    let (code, _, error) = chosen("--object=mug");
+    assert!(code == Some(2) && error.contains("none was asked about yet") && error.contains("object_2"), "{error}");
+    table.answer("object_1", "Red brick");
+    table.answer("object_2", "blue mug with a lid");
+    let (code, text, error) = chosen("--object=MUG");
+    assert!(code == Some(0) && text.trim() == "scene     to do", "{text}{error}");
+    assert!(!table.path().join("gprop/objects/object_2/views.json").exists());
+    let (code, _, error) = table.run(&["run", "--to", "scene", "--object", "blue mug"]);
+    assert!(code == Some(0) && table.views_of("object_2")["gaussians"].is_number(), "{error}");
+    let (code, _, error) = chosen("--object=bowl");
+    let all = "there are object_1 (Red brick), object_2 (blue mug with a lid)";
+    assert!(code == Some(2) && error.contains("--object bowl") && error.contains(all), "{error}");
+    // By the same name for a weight, also in the work folder of another.
+    let (code, _, error) = table.run(&["run", "--to", "scene", "--object", "1", "--known-mass", "mug=118g"]);
+    assert_eq!(code, Some(0), "{error}");
+    let record = std::fs::read_to_string(table.path().join("gprop/objects/object_1/run.json")).unwrap();
+    assert!(!record.contains("mug") && record.contains("object_1"), "{record}");
+    let (code, _, error) = chosen("--known-mass=pan=118g");
+    assert!(code == Some(2) && error.contains("--known-mass pan") && error.contains(all), "{error}");
+    let (code, text, error) = table.run(&["run", "--to", "scene"]);
+    assert!(code == Some(0) && error.contains("object_1 (Red brick)"), "{error}");
+    assert!(text.contains("; blue mug with a lid"), "{text}");
 }
 
 #[test]

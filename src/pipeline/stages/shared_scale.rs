@@ -2,11 +2,12 @@
 //! weight of one, or from the sizes that a model judged. It is known only once these objects have been looked at, after their own
 //! scenes were opened, so it is looked up in their work folders, which lie side by side.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use serde::Deserialize;
 
 use crate::error::{Result, UsageError};
+use crate::objects;
 use crate::parts::{MassReading, Parts, belief_together};
 use crate::pipeline::options::Options;
 use crate::scene::{ObjectChoice, ObjectNumber, ScaleChoice};
@@ -74,7 +75,8 @@ fn from_weight(work: &Path, weighed: ObjectNumber, kg: f64) -> Option<MetricScal
 
 /// What a model judged of the sizes of all objects beside that with this work folder, and of its own.
 fn estimated(work: &Path) -> Option<MetricScale> {
-    let mut scales: Vec<MetricScale> = objects_beside(work).iter().filter_map(|folder| estimate_in(folder)).collect();
+    let folders = work.parent().map(objects::folders_in).unwrap_or_default();
+    let mut scales: Vec<MetricScale> = folders.values().filter_map(|folder| estimate_in(folder)).collect();
     let ranges: Vec<Range> = scales.iter().filter_map(|scale| scale.range).collect();
     if ranges.len() < 2 {
         return scales.pop();
@@ -98,22 +100,6 @@ struct Judged {
 /// What a model judged of the size of the object with this work folder; `None` if it was not asked or did not say.
 fn estimate_in(work: &Path) -> Option<MetricScale> {
     workdir::read_json::<Judged>(&work.join(Artifact::Size.path())).ok()?.scale
-}
-
-/// The work folders of all objects of the capture, one of which is `work`, by number.
-fn objects_beside(work: &Path) -> Vec<PathBuf> {
-    let entries = work.parent().and_then(|parent| std::fs::read_dir(parent).ok());
-    let number = |name: &str| match name.parse() {
-        Ok(ObjectChoice::One(number)) if number.to_string() == name => Some(number),
-        _ => None,
-    };
-    let entries = entries.into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut folders: Vec<(ObjectNumber, PathBuf)> = entries
-        .filter(|path| workdir::refuse_link(path, workdir::OUT).is_ok())
-        .filter_map(|path| Some((number(path.file_name()?.to_str()?)?, path)))
-        .collect();
-    folders.sort_unstable();
-    folders.into_iter().map(|(_, folder)| folder).collect()
 }
 
 /// The scale, which must be known if it follows from the weight of another object.

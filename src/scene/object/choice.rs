@@ -60,7 +60,7 @@ impl FromStr for ObjectNumber {
 }
 
 /// What names an object.
-const NUMBERS: &str = "an object's number or name as `gprop objects` lists them, such as 2 or object_2";
+const NUMBERS: &str = "an object's number or name as `gprop objects SCENE` lists them, such as 2 or object_2";
 
 impl FromStr for ObjectChoice {
     type Err = String;

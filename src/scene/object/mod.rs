@@ -7,6 +7,7 @@
 pub(super) mod choice;
 pub(super) mod cluster;
 pub mod outliers;
+pub(super) mod photo_point;
 pub(super) mod standing;
 pub(super) mod support;
 
