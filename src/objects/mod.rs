@@ -2,7 +2,8 @@
 //!
 //! 1. [`seen`]: in how many photos each is seen, and how much of it is hidden behind others.
 //! 2. [`picture`]: the photo that shows most of them, with their outlines and numbers.
-//! 3. [`page`]: both on one page, with links to the reports of the objects that were run.
+//! 3. [`table`]: the objects in 3D, on what they stand on.
+//! 4. [`page`]: all of these on one page, with links to the reports of the objects that were run.
 //!
 //! `scene` tells the objects apart; [`names`] are what the model took them for.
 
@@ -10,6 +11,7 @@ mod names;
 mod page;
 mod picture;
 mod seen;
+mod table;
 
 use std::path::{Path, PathBuf};
 
@@ -25,6 +27,7 @@ use crate::words::output::{counted, one_line, thousands};
 use crate::words::progress::Progress;
 use crate::words::readable::interval;
 use crate::workdir::{self, Artifact, WorkDir};
+use table::Table;
 
 /// The content of `objects.json`.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -42,6 +45,9 @@ pub struct Objects {
     pub shown_in: String,
     /// Messages about what the user should check.
     pub warnings: Vec<String>,
+    /// What the page shows in 3D.
+    #[serde(skip)]
+    table: Table,
 }
 
 /// An object that stands on the support.
@@ -138,6 +144,7 @@ impl Objects {
             photos: looks.len(),
             shown_in: shown.name.clone(),
             warnings: found.warnings.clone(),
+            table: Table::new(found, shown),
         })
     }
 

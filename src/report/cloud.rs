@@ -11,8 +11,16 @@ use crate::gaussians::SH_C0;
 use crate::scene::{Bounds, robust_bounds};
 use crate::vote::MaterialField;
 
-/// Most Gaussians on a page: with 20 bytes each, 1.1 MB in base64 before compression, beside 1.4 MB of viewer.
+/// Most Gaussians of an object, or of all objects, on a page: with 20 bytes each, 1.1 MB in base64 before compression, beside 1.4 MB
+/// of viewer.
 const LIMIT: usize = 40_000;
+/// Most Gaussians around the objects of a capture.
+const SURROUNDINGS_LIMIT: usize = 30_000;
+/// Distance from the middle of the objects within which their surroundings are shown, in radii of the sphere around the objects:
+/// the table shows, and no wall stands before it.
+const SURROUNDINGS_REACH: f64 = 1.5;
+/// Largest standard deviation of a Gaussian of the surroundings, in the same radii: larger ones are haze.
+const SURROUNDINGS_LARGEST: f64 = 0.25;
 /// Logarithm of the ratio of the largest scale to the smallest one drawn: Gaussians below e^-10 times the largest are
 /// drawn at that size.
 pub(super) const LOG_SCALE_SPAN: f32 = 10.0;
@@ -60,14 +68,38 @@ impl Cloud {
     }
 
     fn of_at_most(limit: usize, gaussians: &Gaussians, field: &MaterialField, eye: Point3<f64>) -> Self {
-        let visible: Vec<usize> = (0..gaussians.len()).filter(|&i| gaussians.opacity(i) >= FAINTEST).collect();
-        let count = visible.len().min(limit);
-        let chosen: Vec<usize> = (0..count).map(|k| visible[k * visible.len() / count]).collect();
-        // Fewer Gaussians on the same surface must be larger: their areas are inversely proportional to their number.
-        let growth = 0.5 * (visible.len().max(1) as f32 / count.max(1) as f32).ln();
+        let visible = visible(gaussians);
+        let shown = thinned(&visible, limit);
+        let sphere = sphere(gaussians, shown.iter().map(|one| one.index));
+        let labels = Labels { of: &field.part_index, confidence: &field.confidence };
+        Self::of_shown(gaussians, &shown, visible.len(), &labels, Viewpoint { sphere, eye })
+    }
+
+    /// The objects of a capture on what they stand on, with the number of each as its label, 0 for what is of no object;
+    /// `number_of` has one for each of the `gaussians`.
+    pub fn of_objects(gaussians: &Gaussians, number_of: &[u32], eye: Point3<f64>) -> Self {
+        let visible = visible(gaussians);
+        let (objects, around): (Vec<usize>, Vec<usize>) = visible.iter().partition(|&&i| number_of[i] > 0);
+        let mut alone = gaussians.clone();
+        let is_object: Vec<bool> = number_of.iter().map(|number| *number > 0).collect();
+        alone.retain(&is_object);
+        let sphere = sphere(&alone, 0..alone.len());
+        let is_near = |&&i: &&usize| {
+            (gaussians.center(i) - sphere.center).norm() < SURROUNDINGS_REACH * sphere.radius
+                && gaussians.scale(i).max() < SURROUNDINGS_LARGEST * sphere.radius
+        };
+        let around: Vec<usize> = around.iter().filter(is_near).copied().collect();
+        let shown = [thinned(&objects, LIMIT), thinned(&around, SURROUNDINGS_LIMIT)].concat();
+        let labels = Labels { of: number_of, confidence: &vec![1.0; gaussians.len()] };
+        Self::of_shown(gaussians, &shown, objects.len() + around.len(), &labels, Viewpoint { sphere, eye })
+    }
+
+    fn of_shown(gaussians: &Gaussians, shown: &[Shown], of: usize, labels: &Labels, from: Viewpoint) -> Self {
+        let chosen: Vec<usize> = shown.iter().map(|one| one.index).collect();
         let axes = [0, 1, 2].map(|axis| extent(chosen.iter().map(|&i| gaussians.positions[i][axis])));
-        let largest_of = |&i: &usize| gaussians.log_scales[i].into_iter().fold(f32::NEG_INFINITY, f32::max);
-        let [_, largest] = extent(chosen.iter().map(largest_of)).map(|largest| largest + growth);
+        let largest_of =
+            |one: &Shown| gaussians.log_scales[one.index].into_iter().fold(f32::NEG_INFINITY, f32::max) + one.growth;
+        let [_, largest] = extent(shown.iter().map(largest_of));
         let log_scales = [largest - LOG_SCALE_SPAN, largest];
 
         let mut bytes = Vec::new();
@@ -76,8 +108,9 @@ impl Cloud {
             bytes.extend(chosen.iter().flat_map(|&i| ((share(i) * 65535.0).round() as u16).to_le_bytes()));
         }
         for axis in 0..3 {
-            let share = |i: usize| (gaussians.log_scales[i][axis] + growth - log_scales[0]) / LOG_SCALE_SPAN;
-            bytes.extend(chosen.iter().map(|&i| byte(share(i))));
+            let share =
+                |one: &Shown| (gaussians.log_scales[one.index][axis] + one.growth - log_scales[0]) / LOG_SCALE_SPAN;
+            bytes.extend(shown.iter().map(|one| byte(share(one))));
         }
         for axis in 0..4 {
             let turn = |i: usize| (gaussians.rotation(i).coords[axis] * 127.0).round() as i8;
@@ -87,32 +120,64 @@ impl Cloud {
         for channel in 0..3 {
             bytes.extend(chosen.iter().map(|&i| byte(0.5 + SH_C0 * gaussians.sh_dc[i][channel])));
         }
-        bytes.extend(chosen.iter().flat_map(|&i| (field.part_index[i] as u16).to_le_bytes()));
-        bytes.extend(chosen.iter().map(|&i| byte(field.confidence[i])));
+        bytes.extend(chosen.iter().flat_map(|&i| (labels.of[i] as u16).to_le_bytes()));
+        bytes.extend(chosen.iter().map(|&i| byte(labels.confidence[i])));
         Self {
-            count,
-            of: visible.len(),
+            count: shown.len(),
+            of,
             corners: [axes.map(|axis| axis[0]), axes.map(|axis| axis[1])],
             log_scales,
-            sphere: sphere(gaussians, &chosen),
-            eye,
+            sphere: from.sphere,
+            eye: from.eye,
             gzip: gzip(&bytes),
-            labels: chosen.iter().map(|&i| field.part_index[i]).collect(),
+            labels: chosen.iter().map(|&i| labels.of[i]).collect(),
             chosen,
         }
     }
 }
 
+/// A Gaussian of the cloud.
+#[derive(Clone, Copy)]
+struct Shown {
+    index: usize,
+    /// By how much the logarithms of its scales grow, since others near it are left out.
+    growth: f32,
+}
+
+/// What is known of each Gaussian of the scene.
+struct Labels<'a> {
+    of: &'a [u32],
+    confidence: &'a [f32],
+}
+
+/// What the page looks at first, and from where.
+struct Viewpoint {
+    sphere: Sphere,
+    eye: Point3<f64>,
+}
+
+fn visible(gaussians: &Gaussians) -> Vec<usize> {
+    (0..gaussians.len()).filter(|&i| gaussians.opacity(i) >= FAINTEST).collect()
+}
+
+/// Evenly chosen ones, at most `limit`.
+fn thinned(indices: &[usize], limit: usize) -> Vec<Shown> {
+    let count = indices.len().min(limit);
+    // Fewer Gaussians on the same surface must be larger: their areas are inversely proportional to their number.
+    let growth = 0.5 * (indices.len().max(1) as f32 / count.max(1) as f32).ln();
+    (0..count).map(|k| Shown { index: indices[k * indices.len() / count], growth }).collect()
+}
+
 /// The ball around the middle of the bounds that holds every Gaussian in or near them, to one standard deviation.
-fn sphere(gaussians: &Gaussians, chosen: &[usize]) -> Sphere {
+fn sphere(gaussians: &Gaussians, chosen: impl Iterator<Item = usize>) -> Sphere {
     let Bounds { min, max } = robust_bounds(gaussians);
     let (center, margin) = (nalgebra::center(&min, &max), STRAY_MARGIN * (max - min).norm());
     let is_near = |at: &Point3<f64>| (0..3).all(|a| at[a] >= min[a] - margin && at[a] <= max[a] + margin);
-    let reach = |&i: &usize| {
+    let reach = |i: usize| {
         let at = gaussians.center(i);
         is_near(&at).then(|| (at - center).norm() + gaussians.scale(i).max().min(margin))
     };
-    let radius = chosen.iter().filter_map(reach).fold(0.0, f64::max);
+    let radius = chosen.filter_map(reach).fold(0.0, f64::max);
     Sphere { center, radius: if radius > 0.0 { radius } else { 1.0 } }
 }
 
@@ -203,6 +268,20 @@ mod tests {
         let Sphere { center, radius } = Cloud::new(&gaussians, &field, Point3::origin()).sphere;
         assert!((499.0..=503.0).contains(&center.x), "{center}");
         assert!(center.x - radius <= 1.0 && center.x + radius >= 1000.0 && radius < 510.0, "{radius}");
+    }
+
+    #[test]
+    fn a_table_ends_where_its_objects_are_far_away() {
+        // Along a line of 101: an object in the middle, ten long.
+        let (mut gaussians, _) = line(101);
+        gaussians.opacity_logits[0] = 20.0;
+        let numbers: Vec<u32> = (0..101).map(|i| if (46..=55).contains(&i) { 3 } else { 0 }).collect();
+        let cloud = Cloud::of_objects(&gaussians, &numbers, Point3::origin());
+        assert!((cloud.sphere.center.x - 50.5).abs() < 1.0 && (4.0..6.0).contains(&cloud.sphere.radius));
+        let (objects, around) = cloud.labels.split_at(10);
+        assert_eq!(objects, [3; 10]);
+        assert!((3..=8).contains(&around.len()) && around.iter().all(|label| *label == 0), "{around:?}");
+        assert_eq!(cloud.of, cloud.count);
     }
 
     #[test]

@@ -25,6 +25,7 @@ pub use cloud::{Cloud, Sphere};
 pub use disagreement::{Disagreement, NamedMaterial};
 pub use motion::Motion;
 pub use page::{CorrectionsFile, page};
+pub(crate) use page::{css, stage};
 pub use pictures::{PictureError, Pictures, SheetPicture, ViewPictures, shrink_object};
 pub use provisional::provisional;
 pub use summary::{

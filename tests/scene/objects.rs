@@ -16,6 +16,7 @@ use tempfile::TempDir;
 
 use super::folder::{assert_message, options};
 use crate::run::{for_python, gprop};
+use crate::support::browser::{Page, Point};
 use crate::support::shared;
 use crate::vote::build::{Blob, camera_at, cloud};
 
@@ -404,6 +405,43 @@ fn the_list_says_where_each_object_is_and_how_well_it_is_seen() {
     assert_eq!((photo.width(), photo.height()), SIZE);
     let page = std::fs::read_to_string(work.join("index.html")).unwrap();
     assert!(page.contains("object_2") && page.contains("data:image/jpeg;base64,"));
+}
+
+#[test]
+fn the_page_shows_the_table_in_3d_and_an_object_leads_to_its_report() {
+    let test = "the_page_shows_the_table_in_3d_and_an_object_leads_to_its_report";
+    let table = Table::new();
+    table.answer("object_2", "blue <b>mug</b>");
+    let report = table.path().join("gprop/objects/object_2/report.html");
+    std::fs::write(&report, "<title>the mug's report</title>").unwrap();
+    let (code, _, error) = table.run(&["objects"]);
+    assert_eq!(code, Some(0), "{error}");
+    let file = table.path().join("gprop/index.html");
+    let size = std::fs::metadata(&file).unwrap().len();
+    assert!(size < 10 << 20, "{size} bytes");
+    let Some(page) = Page::open(test, &format!("file://{}", file.display()), ".frame.ready") else { return };
+    for width in [360, 800, 1400] {
+        page.show_at([width, 900], "light");
+        let beside = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth");
+        assert_eq!(beside, 0, "at {width} px the page is wider than the window");
+    }
+    let label = |number: usize| format!(".label[data-object=\"{number}\"]");
+    assert_eq!(page.text(&label(1)), "object_1");
+    assert_eq!(page.text(&label(2)), "blue <b>mug</b>");
+    assert_eq!(page.evaluate("document.querySelector('.label').tagName"), "SPAN", "the brick has no report");
+    // Below its label stands the mug.
+    let (corner, [width, height]) = page.content_box(&label(2));
+    let below = |down: f64| Point { x: corner.x + 0.5 * width, y: corner.y + height + down };
+    let on_mug = (2..60).map(|n| below(2.0 * f64::from(n))).find(|point| {
+        page.move_mouse_to(*point);
+        page.settle();
+        page.text("#reading").starts_with("blue <b>mug</b> (object_2)")
+    });
+    page.click_at(on_mug.expect("the pointer finds the mug"));
+    let since = std::time::Instant::now();
+    while page.text("title") != "the mug's report" {
+        assert!(since.elapsed().as_secs() < 20, "{}", page.text("title"));
+    }
 }
 
 #[test]

@@ -2,10 +2,11 @@
 //!
 //! This module turns numbers into the texts and positions that the template shows, [`viewer`] into the data for the
 //! script. The template, the style and the script define the page; `splats.js.gz` is three.js and Spark
-//! (`scripts/build-viewer`). Captions and names from outside are escaped by the template engine, in HTML and in the
+//! (`scripts/build-viewer`), which the page of a capture with several objects shares through [`stage`]. Captions and names from outside are escaped by the template engine, in HTML and in the
 //! script's JSON.
 
 mod object;
+pub mod stage;
 mod viewer;
 mod views;
 
@@ -38,7 +39,8 @@ use crate::words::output::{counted, thousands};
 use crate::words::readable::{self, figures, interval, significant};
 
 /// The page's own scripts, in the order in which they build on each other.
-const SCRIPTS: [&str; 7] = [
+const SCRIPTS: [&str; 8] = [
+    stage::SCRIPT,
     include_str!("motion.js"),
     include_str!("ground.js"),
     include_str!("timeline.js"),
@@ -74,7 +76,7 @@ pub fn page(
         tiles => tiles(report),
         provisional => &report.provisional,
         viewer => Serde(viewer::viewer(report, cloud, motion)),
-        cloud => Value::from_safe_string(BASE64.encode(&cloud.gzip)),
+        cloud => stage::packed(cloud),
         motion => motion.map(|motion| Value::from_safe_string(BASE64.encode(&motion.gzip))),
         cloud_note => cloud_note(cloud),
         motion_note => motion.map(motion_note),
@@ -90,10 +92,10 @@ pub fn page(
         csv => csv(report, answers, pictures),
         disagreements => views::disagreements(report, pictures, answers),
         answers => views::sentence(&report.answers),
-        style => Value::from_safe_string(include_str!("page.css").to_owned()),
+        style => Value::from_safe_string([stage::STYLE, include_str!("page.css")].concat()),
         script => Value::from_safe_string(SCRIPTS.concat()),
-        viewer_code => Value::from_safe_string(BASE64.encode(include_bytes!("splats.js.gz"))),
-        licences => include_str!("splats.licences.txt"),
+        viewer_code => stage::viewer_code(),
+        licences => stage::LICENCES,
     };
     style::engine().render_str(include_str!("page.html.j2"), data).expect("the template is a constant")
 }
@@ -293,7 +295,7 @@ fn answered(label: &FieldPart) -> Value {
 }
 
 /// A colour in CSS notation.
-fn css(color: [f32; 3]) -> String {
+pub fn css(color: [f32; 3]) -> String {
     let [r, g, b] = color.map(|channel| (255.0 * channel).round() as u8);
     format!("#{r:02x}{g:02x}{b:02x}")
 }

@@ -24,13 +24,20 @@ pub(super) struct Viewer<'a> {
 
 /// The cloud without its columns.
 #[derive(Serialize)]
-struct Shown<'a> {
+pub struct Shown<'a> {
     count: usize,
     of: usize,
     corners: &'a [[f32; 3]; 2],
     log_scales: [f32; 2],
     sphere: Ball,
     eye: [f64; 3],
+}
+
+impl<'a> Shown<'a> {
+    pub fn new(cloud: &'a Cloud) -> Self {
+        let Cloud { count, of, corners, log_scales, sphere, eye, .. } = cloud;
+        Self { count: *count, of: *of, corners, log_scales: *log_scales, sphere: (*sphere).into(), eye: (*eye).into() }
+    }
 }
 
 #[derive(Serialize)]
@@ -89,7 +96,6 @@ struct Shade {
 
 /// The viewer's data for `report`, `cloud` and its `motion`.
 pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud, motion: Option<&'a Motion>) -> Viewer<'a> {
-    let Cloud { count, of, corners, log_scales, sphere, eye, .. } = cloud;
     let names = field_ply::material_names(&report.labels);
     let part = |part: &'a FieldPart| ViewerPart {
         id: part.id,
@@ -102,14 +108,7 @@ pub(super) fn viewer<'a>(report: &'a Report, cloud: &'a Cloud, motion: Option<&'
         ),
     };
     Viewer {
-        cloud: Shown {
-            count: *count,
-            of: *of,
-            corners,
-            log_scales: *log_scales,
-            sphere: (*sphere).into(),
-            eye: (*eye).into(),
-        },
+        cloud: Shown::new(cloud),
         parts: report.labels.iter().map(part).collect(),
         properties: properties(&report.labels),
         motion: motion.map(|motion| Moves {
