@@ -303,6 +303,10 @@ pub struct ExportArgs {
     /// Links of the object in URDF, MJCF, SDF and USD: one rigid body, or each part by itself, fixed to its neighbour.
     #[arg(long, value_enum, default_value_t)]
     pub links: export::Links,
+    /// Let soft parts (foam, rubber, food and the like: E up to 10 MPa) deform in MJCF (`flex`) and USD (`TetMesh`): at most 4,000
+    /// tetrahedra each, which hang on the rigid parts that they touch.
+    #[arg(long)]
+    pub deformable: bool,
     /// What the GLB shows of the object: a mesh for each part, its Gaussians, or both.
     #[arg(long, value_enum, default_value_t)]
     pub glb_look: export::GlbLook,

@@ -176,6 +176,7 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
         glb_look: args.glb_look,
         mjcf_splats: args.mjcf_splats,
         links: args.links,
+        deformable: args.deformable,
         pad_geoms: &args.pad_geom,
         friction: args.friction,
         credits: &args.credits,

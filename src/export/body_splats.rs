@@ -41,7 +41,7 @@ fn file(body: &str) -> String {
 }
 
 fn of_bodies<'a>(rigid: &'a Rigid, splat: &Splat) -> Vec<BodySplat<'a>> {
-    if rigid.links.is_empty() {
+    if rigid.is_one_body() {
         let kept = vec![true; splat.gaussians.len()];
         return vec![BodySplat { body: &rigid.name, kept, origin: Vector3::zeros() }];
     }

@@ -46,6 +46,11 @@ impl Format {
         matches!(self, Self::Mjcf | Self::Urdf | Self::Sdf | Self::Usda | Self::Usdz | Self::Glb)
     }
 
+    /// Whether soft parts can deform in it.
+    pub fn can_deform(self) -> bool {
+        matches!(self, Self::Mjcf | Self::Usda | Self::Usdz)
+    }
+
     /// Whether only a scene that was made of a mesh has it.
     pub fn needs_mesh(self) -> bool {
         matches!(self, Self::Asset | Self::Csv)

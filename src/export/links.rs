@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::shape::{Contact, Painter, Shape, Skin, skins_of};
+use super::shape::{Contact, Painter, Shape, Skin, skin_of_parts, skins_of};
 use super::{Model, body_name, names};
 use crate::parts::Parts;
 
@@ -40,8 +40,13 @@ impl Inertial {
         Self { mass_kg, center_m: center_m.into(), inertia: Matrix3::from_fn(|row, column| inertia[row][column]) }
     }
 
+    /// A mass at one place.
+    pub fn of_point(mass_kg: f64, center_m: Vector3<f64>) -> Self {
+        Self { mass_kg, center_m, inertia: Matrix3::zeros() }
+    }
+
     /// Several as one body.
-    fn together(bodies: &[Self]) -> Self {
+    pub fn together(bodies: &[Self]) -> Self {
         let mass_kg: f64 = bodies.iter().map(|body| body.mass_kg).sum();
         let center_m = bodies.iter().map(|body| body.center_m * body.mass_kg).sum::<Vector3<f64>>() / mass_kg;
         let about_center = |body: &Self| {
@@ -58,11 +63,48 @@ impl Inertial {
     }
 }
 
+/// The masses of the parts with their fillings, which together are the object's.
+pub struct Weighed {
+    by_part: BTreeMap<u32, Vec<Inertial>>,
+    /// By which they are multiplied.
+    factor: f64,
+}
+
+impl Weighed {
+    pub fn of(parts: &Parts) -> Self {
+        let by_part = by_part(parts);
+        let whole: f64 = by_part.values().flatten().map(|body| body.mass_kg).sum();
+        Self { by_part, factor: parts.object.mass_kg.mid / whole }
+    }
+
+    /// Of a part with its fillings, kg.
+    pub fn mass_kg(&self, part: u32) -> f64 {
+        self.by_part.get(&part).into_iter().flatten().map(|body| body.mass_kg * self.factor).sum()
+    }
+
+    /// Without these parts.
+    pub fn without(mut self, parts: &[u32]) -> Self {
+        self.by_part.retain(|id, _| !parts.contains(id));
+        self
+    }
+}
+
+/// All of these parts as one link; `None` if they have no mass.
+pub fn one(model: &Model, weighed: &Weighed, shape: &Shape, painter: &Painter) -> Option<Link> {
+    let parts: Vec<u32> = weighed.by_part.keys().copied().collect();
+    let bodies: Vec<Inertial> = weighed.by_part.values().flatten().copied().collect();
+    let skin = skin_of_parts(painter, shape, &parts);
+    if parts.is_empty() || skin.mesh.volume() <= 0.0 {
+        return None;
+    }
+    let inertial = Inertial::together(&bodies).scaled(weighed.factor, shape.origin);
+    let name = names::within(&body_name(model.name), &names::new(&model.field.parts, "rigid"));
+    Some(Link { name, parts, skin, inertial, parent: None, joint: Vector3::zeros() })
+}
+
 /// The links, each after its parent.
-pub fn of(model: &Model, parts: &Parts, shape: &Shape, painter: &Painter) -> Vec<Link> {
-    let mut weighed = by_part(parts);
-    let whole: f64 = weighed.values().flatten().map(|body| body.mass_kg).sum();
-    let factor = parts.object.mass_kg.mid / whole;
+pub fn of(model: &Model, weighed: Weighed, shape: &Shape, painter: &Painter) -> Vec<Link> {
+    let Weighed { by_part: mut weighed, factor } = weighed;
     let has_collider = |id: &u32| shape.colliders.iter().any(|collider| collider.part == *id);
     let solid: Vec<u32> = weighed.keys().copied().filter(has_collider).collect();
     let mut skins: BTreeMap<u32, Skin> = solid.iter().copied().zip(skins_of(painter, shape, &solid)).collect();

@@ -4,6 +4,9 @@
 //!
 //! If each part is a link, its body is inside that of its neighbour, without a joint.
 //!
+//! A body that deforms is a [`flex`](write_flex): a node that touches something rigid belongs to that body, which gets its mass; every other is
+//! a body with three slide joints. Only the integrator `discrete` computes the elasticity implicitly, with usual time steps.
+//!
 //! Friction is the part's on rubber or steel: MuJoCo uses the larger friction of two geoms in
 //! contact, unless a pair says otherwise: a file of its own has pairs with the geoms of a gripper's pads. As in MuJoCo's own models, visual geoms are in group 2 and colliders in group 3, which viewers hide.
 
@@ -11,6 +14,7 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
+use super::deformable::DeformableBody;
 use super::links::Inertial;
 use super::shape::Collider;
 use super::{ExportError, Files, Rigid, body_splats, escaped, obj, spaced};
@@ -22,6 +26,14 @@ const DEFAULT_TIME_CONSTANT_S: f64 = 0.02;
 /// MuJoCo's torsional and rolling friction, m.
 const TORSIONAL_M: f64 = 0.005;
 const ROLLING_M: f64 = 0.0001;
+/// Damping ratio of a deformable body's lowest standing wave. The loss factor of foams and rubbers is around 0.1 to 0.2, twice that.
+const DAMPING_RATIO: f64 = 0.08;
+/// Contacts of deformable bodies. Their stiffness grows with the mass of a node, which is a small share of what it bears, so they have a short
+/// time constant, s, and nearly full impedance.
+const NODE_TIME_CONSTANT_S: f64 = 0.004;
+const NODE_IMPEDANCE: &str = "0.99 0.999 0.001";
+/// Iterations in which MuJoCo may solve a time step: the stiffness of thousands of tetrahedra takes more than its 100.
+const ITERATIONS: u32 = 1000;
 
 pub(super) fn write(rigid: &Rigid, files: &mut Files) -> Result<(), ExportError> {
     files.write(format!("{}.xml", rigid.name), |out| out.write_all(body(rigid).as_bytes()))?;
@@ -51,26 +63,41 @@ fn body(rigid: &Rigid) -> String {
         );
     }
     let mut bodies = String::new();
-    if rigid.links.is_empty() {
+    if rigid.is_one_body() {
         write_whole(&mut bodies, rigid);
-    } else {
+    } else if !rigid.links.is_empty() {
         write_link(&mut bodies, rigid, 0);
+    }
+    let mut flexes = String::new();
+    for body in rigid.deformable {
+        write_nodes(&mut bodies, rigid, body);
+        write_flex(&mut flexes, rigid, body);
+    }
+    let (mut option, mut slides) = (String::new(), String::new());
+    if !rigid.deformable.is_empty() {
+        flexes = format!("  <deformable>\n{flexes}  </deformable>\n");
+        let _ = writeln!(option, r#"  <option integrator="discrete" iterations="{ITERATIONS}"/>"#);
+        let _ = write!(
+            slides,
+            "    <default class=\"{}_node\">\n      <joint type=\"slide\"/>\n    </default>\n",
+            rigid.name
+        );
     }
     format!(
         r#"{note}<mujoco model="{name}">
-  <default>
+{option}  <default>
     <default class="{name}_visual">
       <geom type="mesh" contype="0" conaffinity="0" group="2" mass="0"/>
     </default>
     <default class="{name}_collision">
       <geom type="mesh" group="3"/>
     </default>
-  </default>
+{slides}  </default>
   <asset>
 {assets}  </asset>
 {splats}  <worldbody>
 {bodies}  </worldbody>
-</mujoco>
+{flexes}</mujoco>
 "#,
         splats = if rigid.has_splats { body_splats::texts(rigid) } else { String::new() },
         note = rigid.comments(),
@@ -95,10 +122,88 @@ fn write_link(text: &mut String, rigid: &Rigid, index: usize) {
             let _ = writeln!(text, r#"    <body name="{}" pos="{}">"#, link.name, spaced(at.iter().copied()));
         }
     }
-    write_content(text, rigid, &link.name, &link.inertial, link.joint, rigid.colliders_of(index));
+    let inertial = with_attached(rigid, index);
+    write_content(text, rigid, &link.name, &inertial, link.joint, rigid.colliders_of(index));
     let fixed = |n: &usize| rigid.links[*n].parent == Some(index);
     (0..rigid.links.len()).filter(fixed).for_each(|n| write_link(text, rigid, n));
     text.push_str("    </body>\n");
+}
+
+/// The mass properties of a link with the nodes of deformable bodies that hang on it.
+fn with_attached(rigid: &Rigid, index: usize) -> Inertial {
+    let mut all = vec![rigid.links[index].inertial];
+    for body in rigid.deformable {
+        let masses = body.node_masses_kg();
+        let nodes = body.attached.iter().filter(|(_, link)| *link == index).map(|(node, _)| *node as usize);
+        all.extend(nodes.map(|node| Inertial::of_point(masses[node], body.mesh.nodes[node].coords)));
+    }
+    if all.len() == 1 { all[0] } else { Inertial::together(&all) }
+}
+
+/// The name of the body of a node.
+fn node_name(body: &DeformableBody, node: usize) -> String {
+    format!("{}__{node}", body.name)
+}
+
+/// The nodes that hang on nothing, as bodies of the world that slide along its axes.
+fn write_nodes(text: &mut String, rigid: &Rigid, body: &DeformableBody) {
+    let mut is_attached = vec![false; body.mesh.nodes.len()];
+    body.attached.iter().for_each(|(node, _)| is_attached[*node as usize] = true);
+    let (masses, place) = (body.node_masses_kg(), rigid.placement.place());
+    for (n, node) in body.mesh.nodes.iter().enumerate().filter(|(n, _)| !is_attached[*n]) {
+        // It never turns, but MuJoCo wants an inertia: that of a cube.
+        let inertia = masses[n] * body.mesh.cell.min().powi(2) / 6.0;
+        let slides: String = ["1 0 0", "0 1 0", "0 0 1"]
+            .map(|axis| format!(r#"<joint class="{}_node" axis="{axis}"/>"#, rigid.name))
+            .concat();
+        let _ = writeln!(
+            text,
+            r#"    <body name="{name}" pos="{pos}"><inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>{slides}</body>"#,
+            name = node_name(body, n),
+            pos = spaced((node + place).iter().copied()),
+            mass = masses[n],
+        );
+    }
+}
+
+/// The tetrahedra between the nodes.
+fn write_flex(text: &mut String, rigid: &Rigid, body: &DeformableBody) {
+    let mut nodes: Vec<String> = (0..body.mesh.nodes.len()).map(|n| node_name(body, n)).collect();
+    let mut vertices = vec![Vector3::zeros(); nodes.len()];
+    for (node, link) in &body.attached {
+        let (node, link) = (*node as usize, &rigid.links[*link]);
+        nodes[node].clone_from(&link.name);
+        vertices[node] = body.mesh.nodes[node].coords - link.joint;
+    }
+    let elements: Vec<String> = body.mesh.elements.as_flattened().iter().map(u32::to_string).collect();
+    let label = super::label_of(rigid.labels, body.parts[0]);
+    let _ = write!(
+        text,
+        r#"    <flex name="{name}" dim="3" radius="0" rgba="{color} 1" body="{nodes}" vertex="{vertices}" element="{elements}">
+      <contact selfcollide="none" friction="{friction} {TORSIONAL_M} {ROLLING_M}" solref="{NODE_TIME_CONSTANT_S} 1" solimp="{NODE_IMPEDANCE}"/>
+      <elasticity young="{young}" poisson="{poisson}" damping="{damping}"/>
+    </flex>
+"#,
+        name = body.name,
+        color = spaced(body.color),
+        nodes = nodes.join(" "),
+        vertices = spaced(vertices.iter().flatten().copied()),
+        elements = elements.join(" "),
+        friction = super::friction(label, rigid.on_steel),
+        young = body.youngs_modulus_pa,
+        poisson = body.poisson_ratio,
+        damping = damping_s(body),
+    );
+}
+
+/// Rayleigh's coefficient of stiffness, which damps a wave of angular frequency omega by the ratio beta omega / 2. The lowest wave that
+/// stands in a body of length l that is held at one end has omega = pi c / 2 l with c = sqrt(E / rho).
+fn damping_s(body: &DeformableBody) -> f64 {
+    let nodes = &body.mesh.nodes;
+    let (low, high) = nodes.iter().fold((nodes[0], nodes[0]), |(low, high), node| (low.inf(node), high.sup(node)));
+    let speed_m_s = (body.youngs_modulus_pa / body.density_kg_m3()).sqrt();
+    let omega = std::f64::consts::PI * speed_m_s / (2.0 * (high - low).max());
+    2.0 * DAMPING_RATIO / omega
 }
 
 /// A body that moves freely.

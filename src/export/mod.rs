@@ -1,6 +1,7 @@
 //! The result in the formats of other programs, with one module per format:
 //!
 //! - [`mjcf`], [`urdf`], [`sdf`]: a rigid body for simulators, with its [`shape`] as convex colliders and as a picture on a mesh;
+//! - [`deformable`]: in MJCF and USD, parts that are soft as tetrahedra;
 //! - [`usd`]: the same with its Gaussians and the places to grasp at;
 //! - [`glb`]: meshes of the parts with their [physics](gltf_physics), or the convex colliders; [`gltf_splat`]: the Gaussians;
 //! - [`ply_parts`]: the Gaussians of each part;
@@ -17,6 +18,7 @@ mod asset;
 mod belief;
 mod body_splats;
 mod credits;
+mod deformable;
 mod format;
 mod glb;
 pub(crate) mod gltf;
@@ -61,8 +63,9 @@ use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::{FieldPart, MaterialField};
 pub use asset::{Asset, Colliders, below};
 pub use credits::Credits;
+use deformable::{Deformable, DeformableBody, Groups};
 pub use format::{Format, Frame, Listed, list, text};
-use links::{Inertial, Link};
+use links::{Inertial, Link, Weighed};
 pub use placement::Origin;
 use placement::{Axes, Placement};
 use shape::{Collider, Painter, PartMesh, Shape, Skin};
@@ -136,6 +139,8 @@ pub struct Model<'a> {
     /// Whether a URDF's object hangs on a floating joint. It does too if it stands elsewhere by default: a root has no pose.
     pub floating: bool,
     pub links: Links,
+    /// Whether soft parts deform in formats that [can](Format::can_deform).
+    pub deformable: bool,
     pub glb_look: GlbLook,
     /// Whether an MJCF comes with the Gaussians of each body.
     pub mjcf_splats: bool,
@@ -300,6 +305,8 @@ pub struct Exported {
     /// The formats that were written.
     pub formats: Vec<Format>,
     pub left_out: Vec<LeftOut>,
+    /// What the user should know of it.
+    pub notes: Vec<String>,
     /// For a scene of several objects, if a format [has bodies](Format::has_bodies) and the object is rigid.
     pub body: Option<Body>,
     objects: Vec<ObjectSummary>,
@@ -342,7 +349,8 @@ pub fn export_body(model: &Model, formats: Formats, folder: &Path) -> Result<Exp
     }
     let shared = Shared::of(model);
     // A mesh that is written again stays where it is.
-    let in_place = Model { origin: Origin::Input, at: Vector3::zeros(), links: Links::One, ..*model };
+    let in_place =
+        Model { origin: Origin::Input, at: Vector3::zeros(), links: Links::One, deformable: false, ..*model };
     let in_place = Shared::of(&in_place);
     let leaves_out = matches!(formats, Formats::Possible);
     let (mut formats, mut left_out) = possible(&shared, formats)?;
@@ -360,7 +368,8 @@ pub fn export_body(model: &Model, formats: Formats, folder: &Path) -> Result<Exp
     }
     let body = formats.iter().any(|format| format.has_bodies()).then(|| shared.body()).transpose()?.flatten();
     let objects = vec![ObjectSummary::of(&shared, &formats)?];
-    Ok(Exported { files: files.written, formats, left_out, body, objects, provenance: Provenance::of(model) })
+    let (notes, provenance) = (notes(&shared, &formats)?, Provenance::of(model));
+    Ok(Exported { files: files.written, formats, left_out, notes, body, objects, provenance })
 }
 
 /// The formats that can be written, and why others cannot: what the object lacks for a format is found out before a file is written.
@@ -409,14 +418,14 @@ fn write(format: Format, shared: &Shared, in_place: &Shared, files: &mut Files) 
     let model = shared.model;
     match format {
         Format::Mjcf => {
-            let rigid = shared.rigid()?;
+            let rigid = shared.bodies()?;
             mjcf::write(&rigid, files)?;
             if model.mjcf_splats { body_splats::write(&rigid, &model.splat(&rigid.placement), files) } else { Ok(()) }
         }
         Format::Urdf => urdf::write(&shared.rigid()?, files),
         Format::Sdf => sdf::write(shared, files),
-        Format::Usda => usd::write_usda(&shared.rigid()?, shared.usd()?, files),
-        Format::Usdz => usd::write_usdz(&shared.rigid()?, shared.usd()?, files),
+        Format::Usda => usd::write_usda(&shared.bodies()?, shared.usd()?, files),
+        Format::Usdz => usd::write_usdz(&shared.bodies()?, shared.usd()?, files),
         Format::Glb => glb::write(shared, files),
         Format::GltfSplat => gltf_splat::write(model, &shared.placement()?, files),
         Format::PlyParts => ply_parts::write(model, files),
@@ -426,6 +435,33 @@ fn write(format: Format, shared: &Shared, in_place: &Shared, files: &mut Files) 
         Format::Asset => asset::write(&model.asset.ok_or(ExportError::NotAMesh)?, in_place, files),
         Format::Csv => asset::write_tables(&model.asset.ok_or(ExportError::NotAMesh)?, model, files),
     }
+}
+
+/// What the user should know of parts that are, or might be expected to be, deformable.
+fn notes(shared: &Shared, formats: &[Format]) -> Result<Vec<String>, ExportError> {
+    if !shared.model.deformable || !formats.iter().any(|format| format.has_bodies()) {
+        return Ok(Vec::new());
+    }
+    let names = names::of_parts(&shared.model.field.parts);
+    let called = |parts: &[u32]| parts.iter().map(|part| names[part].as_str()).collect::<Vec<_>>().join(", ");
+    let groups = shared.soft()?;
+    let soft = groups.parts();
+    let mut notes = Vec::new();
+    if soft.is_empty() && groups.too_thin.is_empty() {
+        notes.push("no part is soft enough to be deformable: all stay rigid".to_owned());
+    }
+    if !groups.too_thin.is_empty() {
+        notes.push(format!("too thin for tetrahedra, so rigid although soft: {}", called(&groups.too_thin)));
+    }
+    let rigid: Vec<String> = formats
+        .iter()
+        .filter(|format| format.has_bodies() && !format.can_deform())
+        .map(|format| format.name())
+        .collect();
+    if !soft.is_empty() && !rigid.is_empty() {
+        notes.push(format!("rigid in {}, which has no deformable bodies here: {}", rigid.join(", "), called(&soft)));
+    }
+    Ok(notes)
 }
 
 /// The Gaussians and their field, without the Gaussians that were set aside.
@@ -457,6 +493,8 @@ struct Shared<'a> {
     skin: OnceCell<Skin>,
     part_meshes: OnceCell<Vec<PartMesh>>,
     links: OnceCell<Vec<Link>>,
+    soft: OnceCell<Groups>,
+    deformable: OnceCell<Deformable>,
     usd: OnceCell<usd::Layer>,
 }
 
@@ -469,6 +507,8 @@ impl<'a> Shared<'a> {
             skin: OnceCell::new(),
             part_meshes: OnceCell::new(),
             links: OnceCell::new(),
+            soft: OnceCell::new(),
+            deformable: OnceCell::new(),
             usd: OnceCell::new(),
         }
     }
@@ -503,7 +543,7 @@ impl Shared<'_> {
             return Ok(&[]);
         }
         let (parts, shape, painter) = (self.parts()?, self.shape()?, self.painter()?);
-        Ok(self.links.get_or_init(|| links::of(self.model, parts, shape, painter)))
+        Ok(self.links.get_or_init(|| links::of(self.model, Weighed::of(parts), shape, painter)))
     }
 
     fn meshes(&self) -> Result<Meshes<'_>, ExportError> {
@@ -576,8 +616,31 @@ impl Shared<'_> {
     }
 
     fn usd(&self) -> Result<&usd::Layer, ExportError> {
-        let rigid = self.rigid()?;
+        let rigid = self.bodies()?;
         Ok(self.usd.get_or_init(|| usd::Layer::of(self.model, &rigid)))
+    }
+
+    /// The parts that deform; none if the user did not ask for them.
+    fn soft(&self) -> Result<&Groups, ExportError> {
+        let (parts, shape) = (self.parts()?, self.shape()?);
+        let of = || if self.model.deformable { Groups::of(self.model, shape, parts) } else { Groups::default() };
+        Ok(self.soft.get_or_init(of))
+    }
+
+    /// The object for formats that have deformable bodies: with those, or as [`rigid`](Self::rigid) if it has none.
+    fn bodies(&self) -> Result<Rigid<'_>, ExportError> {
+        let rigid = self.rigid()?;
+        let groups = self.soft()?;
+        if groups.soft.is_empty() {
+            return Ok(rigid);
+        }
+        let (parts, shape, painter) = (self.parts()?, self.shape()?, self.painter()?);
+        let Deformable { bodies, links, colliders } =
+            self.deformable.get_or_init(|| Deformable::of(self.model, shape, painter, groups, parts));
+        if links.is_empty() && !colliders.is_empty() {
+            return Err(ExportError::NoShape);
+        }
+        Ok(Rigid { colliders, skin: None, links, deformable: bodies, ..rigid })
     }
 
     fn rigid(&self) -> Result<Rigid<'_>, ExportError> {
@@ -602,6 +665,7 @@ impl Shared<'_> {
             note_on_scale: self.model.note_on_scale(),
             own_mesh: None,
             links,
+            deformable: &[],
             pad_geoms: self.model.pad_geoms,
             has_splats: self.model.mjcf_splats,
             floating: self.model.floating || self.model.at != Vector3::zeros(),
@@ -634,8 +698,10 @@ struct Rigid<'a> {
     placement: Placement,
     /// Whether it hangs on a floating joint in a URDF.
     floating: bool,
-    /// Each part by itself, those to which others are fixed first; empty for one rigid body.
+    /// Each part by itself, those to which others are fixed first; empty for one rigid body. Beside deformable bodies, what is rigid.
     links: &'a [Link],
+    /// Bodies of soft parts, which are in no link.
+    deformable: &'a [DeformableBody],
     pad_geoms: &'a [String],
     /// Whether an MJCF names the files with the Gaussians of each body.
     has_splats: bool,
@@ -658,6 +724,16 @@ impl Rigid<'_> {
         notes.map(|note| format!("<!-- {note} -->\n")).collect()
     }
 
+    /// Whether it is one rigid body, without links.
+    fn is_one_body(&self) -> bool {
+        self.links.is_empty() && self.deformable.is_empty()
+    }
+
+    /// The body that a part deforms with; `None` if it is rigid.
+    fn deformable_of(&self, part: u32) -> Option<&DeformableBody> {
+        self.deformable.iter().find(|body| body.parts.contains(&part))
+    }
+
     /// The mass properties of the whole: the middle estimates.
     fn inertial(&self) -> Inertial {
         inertial_of(self.parts, &self.placement)
@@ -668,11 +744,12 @@ impl Rigid<'_> {
         self.links.iter().position(|link| link.parts.contains(&collider.part)).unwrap_or(0)
     }
 
-    /// The indices of the Gaussians that go with a link. Those of a part without a link go with the root.
+    /// The indices of the Gaussians that go with a link. Those of a part without a link go with the root, those of one that deforms
+    /// with none.
     fn gaussians_of(&self, splat: &Splat, link: usize) -> Vec<usize> {
         let of = |part: u32| self.links.iter().position(|link| link.parts.contains(&part)).unwrap_or(0);
         let parts = splat.field.into_iter().flat_map(MaterialField::part_ids).enumerate();
-        parts.filter(|(_, part)| of(*part) == link).map(|(i, _)| i).collect()
+        parts.filter(|(_, part)| of(*part) == link && self.deformable_of(*part).is_none()).map(|(i, _)| i).collect()
     }
 
     /// The colliders of a link.
@@ -704,7 +781,9 @@ impl Rigid<'_> {
     fn extent(&self) -> (Point3<f64>, Point3<f64>) {
         let of_skin = self.skins().into_iter().flat_map(|(_, skin)| &skin.mesh.vertices);
         let of_skin = of_skin.filter(|_| self.colliders.is_empty());
-        let mut vertices = self.colliders.iter().flat_map(|collider| &collider.vertices).chain(of_skin);
+        let of_deformable = self.deformable.iter().flat_map(|body| &body.mesh.nodes);
+        let of_colliders = self.colliders.iter().flat_map(|collider| &collider.vertices);
+        let mut vertices = of_colliders.chain(of_skin).chain(of_deformable);
         let first = *vertices.next().expect("an object with a mass has a shape");
         vertices.fold((first, first), |(low, high), v| (low.inf(v), high.sup(v)))
     }

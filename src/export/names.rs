@@ -29,6 +29,16 @@ pub fn of_parts(labels: &[FieldPart]) -> BTreeMap<u32, String> {
     names
 }
 
+/// A name that no part has.
+pub fn new(labels: &[FieldPart], name: &str) -> String {
+    let taken = of_parts(labels);
+    let mut name = name.to_owned();
+    while taken.values().any(|known| *known == name) {
+        name.push('_');
+    }
+    name
+}
+
 /// A thing of an object, under a name that no other object has: several may be in one folder or one simulation.
 pub fn within(object: &str, own: &str) -> String {
     format!("{object}__{own}")

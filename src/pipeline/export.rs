@@ -34,6 +34,8 @@ pub struct ExportOptions<'a> {
     /// Whether a URDF's object hangs on a floating joint.
     pub floating: bool,
     pub links: Links,
+    /// Whether soft parts deform in formats that can.
+    pub deformable: bool,
     pub glb_look: GlbLook,
     /// Whether an MJCF comes with the Gaussians of each body.
     pub mjcf_splats: bool,
@@ -47,7 +49,7 @@ pub struct ExportOptions<'a> {
 /// Writes the object into `folder` once the parts are done.
 pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -> Result<Exported> {
     let ExportOptions { formats, colliders, samples, origin, at, floating, links, glb_look, .. } = *options;
-    let ExportOptions { mjcf_splats, pad_geoms, friction, credits, .. } = *options;
+    let ExportOptions { deformable, mjcf_splats, pad_geoms, friction, credits, .. } = *options;
     let has_grasps = formats.may_be(Format::has_grasps);
     let grasps = if has_grasps { places_to_grasp(pipeline)? } else { Vec::new() };
     let open = pipeline.opened();
@@ -78,6 +80,7 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
         at: at.into(),
         floating,
         links,
+        deformable,
         glb_look,
         mjcf_splats,
         pad_geoms,
@@ -92,7 +95,9 @@ pub fn export(pipeline: &mut Pipeline, options: &ExportOptions, folder: &Path) -
     {
         warn_of_unit(&asset, scale);
     }
-    Ok(export::export_body(&model, formats, folder)?)
+    let exported = export::export_body(&model, formats, folder)?;
+    exported.notes.iter().for_each(|note| warn!("{note}"));
+    Ok(exported)
 }
 
 /// Where to grasp the object, best first. An object that cannot be grasped can still be exported.

@@ -117,6 +117,7 @@ impl Weighed {
             glb_look: GlbLook::Meshes,
             mjcf_splats: false,
             links: Links::One,
+            deformable: false,
             pad_geoms: &[],
             credits: &super::CREDITS,
             source: "box.glb",

@@ -2,6 +2,8 @@
 
 // The mesh itself again, with its physics.
 mod asset;
+// Soft parts that deform.
+mod deformable;
 // The GLB: its physics and what it shows.
 mod glb;
 // Each part as a link of its own; pairs with a gripper's pads; names.
@@ -54,6 +56,7 @@ fn model(measured: &Measured) -> Model<'_> {
         at: Vector3::zeros(),
         floating: false,
         links: Links::One,
+        deformable: false,
         glb_look: GlbLook::Meshes,
         mjcf_splats: false,
         pad_geoms: &[],

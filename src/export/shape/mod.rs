@@ -178,6 +178,11 @@ impl Shape {
         self.meters_per_unit
     }
 
+    /// The id of the part that owns a cell of the object's grid; `None` outside.
+    pub fn part_of_cell(&self, cell: usize) -> Option<u32> {
+        Some(self.solid.part[cell]).filter(|part| *part != OUTSIDE)
+    }
+
     /// Paints the surfaces of this object with the colours that Gaussians show to cameras.
     pub fn painter<'a>(&self, gaussians: &'a Gaussians, cameras: &[Camera]) -> Painter<'a> {
         Painter::new(gaussians, cameras, &self.solid.grid)
@@ -207,7 +212,7 @@ impl Shape {
     }
 
     /// A mesh of the object, made in scene units, in metres, with a flat underside and its own origin.
-    fn finished(&self, mesh: Mesh) -> Mesh {
+    pub fn finished(&self, mesh: Mesh) -> Mesh {
         let mut mesh = mesh.scaled(self.meters_per_unit);
         if let Some(footing) = &self.footing {
             footing.flatten_mesh(&mut mesh);
@@ -227,15 +232,22 @@ pub fn skin_of(painter: &Painter, shape: &Shape) -> Skin {
     skin(painter, shape, None, 1.0)
 }
 
+/// The outer surface of these parts together.
+pub fn skin_of_parts(painter: &Painter, shape: &Shape, parts: &[u32]) -> Skin {
+    let shares = shape.shares();
+    let share = parts.iter().filter_map(|part| shares.get(part)).sum::<f64>().min(1.0);
+    skin(painter, shape, Some(parts), share)
+}
+
 /// The surfaces of these parts with the splat's colours. Where a part touches others, it has the colour of the nearest Gaussian.
 pub fn skins_of(painter: &Painter, shape: &Shape, parts: &[u32]) -> Vec<Skin> {
     let shares = shape.shares();
-    parallel::map(parts, |part| skin(painter, shape, Some(*part), shares[part]))
+    parallel::map(parts, |part| skin(painter, shape, Some(&[*part]), shares[part]))
 }
 
-fn skin(painter: &Painter, shape: &Shape, part: Option<u32>, share: f64) -> Skin {
+fn skin(painter: &Painter, shape: &Shape, parts: Option<&[u32]>, share: f64) -> Skin {
     let solid = &shape.solid;
-    let mesh = surface::of(&solid.grid, &solid.mask(part));
+    let mesh = surface::of(&solid.grid, &solid.mask(parts));
     let mesh = simplify::simplified(mesh, triangles_of(share), 0.5 * solid.grid.cell);
     let (layout, size) = atlas::layout(&mesh, &painter.triangle_colors(&mesh), share);
     let picture = png::encoded(&painter.picture(&mesh, &layout, size));
@@ -249,7 +261,7 @@ pub fn part_meshes(painter: &Painter, shape: &Shape) -> Vec<PartMesh> {
     let solid = &shape.solid;
     let shares: Vec<(u32, f64)> = shape.shares().into_iter().collect();
     let mut meshed = parallel::map(&shares, |&(part, share)| {
-        let mesh = surface::of(&solid.grid, &solid.mask(Some(part)));
+        let mesh = surface::of(&solid.grid, &solid.mask(Some(&[part])));
         let mesh = simplify::simplified(mesh, triangles_of(share), 0.5 * solid.grid.cell);
         let colors = painter.vertex_colors(&mesh);
         PartMesh { part, mesh: shape.finished(mesh), colors }

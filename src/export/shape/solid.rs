@@ -56,8 +56,8 @@ impl Solid {
         own.unwrap_or_else(|| self.parts().first().copied().unwrap_or(0))
     }
 
-    /// The cells of one part, or of the whole object.
-    pub fn mask(&self, of: Option<u32>) -> Vec<bool> {
-        self.part.iter().map(|part| of.map_or(*part != OUTSIDE, |wanted| *part == wanted)).collect()
+    /// The cells of some parts, or of the whole object.
+    pub fn mask(&self, of: Option<&[u32]>) -> Vec<bool> {
+        self.part.iter().map(|part| of.map_or(*part != OUTSIDE, |wanted| wanted.contains(part))).collect()
     }
 }

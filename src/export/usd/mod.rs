@@ -10,8 +10,11 @@
 //! If each part is a link, `skin`, `colliders` and `splat` are under the rigid body of each, the places to grasp at under that of the
 //! heaviest, and joints fix the links.
 //!
+//! Soft parts that deform are [`deformable`] bodies beside a link of what is rigid; their Gaussians, which cannot deform, are left out.
+//!
 //! The variant set `appearance` chooses whether `skin` or `splat` is visible. Metres, kilograms, z up.
 
+mod deformable;
 pub(super) mod gaussians;
 mod grasps;
 mod meshes;
@@ -24,6 +27,7 @@ use std::fmt::Write;
 
 use nalgebra::Vector3;
 
+use super::shape::Skin;
 use super::{ExportError, Files, Model, Rigid, Splat, png};
 use text::{extent, head, quoted, triple};
 
@@ -44,7 +48,7 @@ impl Layer {
 pub(super) fn write_usda(rigid: &Rigid, layer: &Layer, files: &mut Files) -> Result<(), ExportError> {
     let name = &rigid.name;
     files.write(format!("{name}/usd/{name}.usda"), |out| out.write_all(layer.text.as_bytes()))?;
-    for (of, skin) in rigid.skins() {
+    for (of, skin) in shown(rigid) {
         files.write(format!("{name}/usd/textures/{of}.png"), |out| out.write_all(&skin.picture))?;
     }
     let thumbnail = format!("{name}/usd/.thumbs/256x256/{name}.usda.png");
@@ -57,7 +61,7 @@ pub(super) fn write_usdz(rigid: &Rigid, layer: &Layer, files: &mut Files) -> Res
     files.write(format!("{name}/usdz/{name}.usdz"), |out| {
         // The first file is the root layer.
         let root = (format!("{name}.usda"), layer.text.as_bytes());
-        let pictures = rigid.skins().into_iter().map(|(of, skin)| (format!("textures/{of}.png"), &skin.picture[..]));
+        let pictures = shown(rigid).into_iter().map(|(of, skin)| (format!("textures/{of}.png"), &skin.picture[..]));
         let contents: Vec<(String, &[u8])> = std::iter::once(root).chain(pictures).collect();
         out.write_all(&package::usdz(&contents)?)
     })?;
@@ -65,12 +69,19 @@ pub(super) fn write_usdz(rigid: &Rigid, layer: &Layer, files: &mut Files) -> Res
     files.write(thumbnail, |out| out.write_all(&layer.thumbnail))
 }
 
+/// What is shown, with the name of its picture.
+fn shown<'a>(rigid: &'a Rigid) -> Vec<(&'a str, &'a Skin)> {
+    let mut shown = rigid.skins();
+    shown.extend(rigid.deformable.iter().map(|body| (body.name.as_str(), &body.skin)));
+    shown
+}
+
 fn stage(model: &Model, rigid: &Rigid) -> String {
     let name = &rigid.name;
     let mut text = format!(
         r#"{head}
 def Xform "{name}" (
-    prepend apiSchemas = [{physics}, "SemanticsLabelsAPI:class", "SemanticsLabelsAPI:wikidata_qcode"]
+    prepend apiSchemas = [{physics}"SemanticsLabelsAPI:class", "SemanticsLabelsAPI:wikidata_qcode"]
     kind = "component"
     prepend variantSets = "appearance"
     variants = {{
@@ -95,12 +106,13 @@ def Xform "{name}" (
             let (low, high) = rigid.extent();
             extent([low, high].into_iter().map(Into::into))
         },
-        physics = if rigid.links.is_empty() {
-            r#""PhysicsRigidBodyAPI", "PhysicsMassAPI""#
-        } else {
-            r#""PhysicsArticulationRootAPI""#
+        physics = match rigid.links.len() {
+            _ if rigid.is_one_body() => r#""PhysicsRigidBodyAPI", "PhysicsMassAPI", "#,
+            // One link has no joint, which an articulation would need.
+            0 | 1 if !rigid.deformable.is_empty() => "",
+            _ => r#""PhysicsArticulationRootAPI", "#,
         },
-        mass = if rigid.links.is_empty() { physics::mass(&rigid.inertial()) } else { String::new() },
+        mass = if rigid.is_one_body() { physics::mass(&rigid.inertial()) } else { String::new() },
         label = quoted(rigid.credits.semantic_label()),
         wikidata = quoted(rigid.credits.wikidata()),
         without_splat = hidden(rigid, "splat"),
@@ -125,6 +137,10 @@ def Xform "{name}" (
     for n in 0..rigid.links.len() {
         write_link(&mut text, &splat, rigid, n);
     }
+    if rigid.links.is_empty() && !rigid.is_one_body() {
+        grasps::write(&mut text, rigid);
+    }
+    rigid.deformable.iter().for_each(|body| deformable::write(&mut text, rigid, body));
     text.push_str("}\n");
     text
 }
@@ -134,7 +150,7 @@ fn hidden(rigid: &Rigid, prim: &str) -> String {
     let over = format!(
         "            over \"{prim}\"\n            {{\n                token visibility = \"invisible\"\n            }}\n"
     );
-    if rigid.links.is_empty() {
+    if rigid.is_one_body() {
         return over;
     }
     rigid
@@ -211,7 +227,11 @@ fn metadata(rigid: &Rigid) -> String {
     }
     let _ = writeln!(text, "            float3 asset_extents = {}", triple((high - low).into()));
     let _ = writeln!(text, "            double mass = {}", rigid.parts.object.mass_kg.mid);
-    let _ = writeln!(text, "            int rigid_body_count = {}", rigid.links.len().max(1));
+    let _ = writeln!(
+        text,
+        "            int rigid_body_count = {}",
+        if rigid.is_one_body() { 1 } else { rigid.links.len() }
+    );
     text.push_str("            dictionary validation = {\n");
     text.push_str("                string profile = \"Robotics-Prop\"\n");
     text.push_str("                string profile_version = \"4.0.0\"\n");

@@ -4,6 +4,7 @@
 use std::fmt::Write;
 
 use super::text::{quoted, triple};
+use crate::export::deformable::DeformableBody;
 use crate::export::links::Inertial;
 use crate::export::{Rigid, friction, restitution};
 use crate::numeric::principal_axes;
@@ -41,20 +42,26 @@ fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldPart) {
     let part = rigid.part_name(label.id);
     let path = format!("/{name}/materials/{part}");
     // Each link has a picture of its own.
-    let picture = rigid.links.iter().find(|link| link.parts.contains(&label.id)).map_or(name, |link| &link.name);
+    let of_link = rigid.links.iter().find(|link| link.parts.contains(&label.id)).map(|link| &link.name);
+    let picture = of_link.or(rigid.deformable_of(label.id).map(|body| &body.name)).unwrap_or(name);
+    // A body of several parts is bound to the material of the first.
+    let deforms = rigid.deformable_of(label.id).filter(|body| body.parts[0] == label.id);
+    let modulus = |name: &str, of: fn(&DeformableBody) -> f64| {
+        deforms.map_or_else(String::new, |body| format!("            float physics:{name} = {}\n", of(body)))
+    };
     let bounce = restitution(label)
         .map_or_else(String::new, |restitution| format!("\n            float physics:restitution = {restitution}"));
     let _ = write!(
         text,
         r#"        def Material "{part}" (
-            prepend apiSchemas = ["PhysicsMaterialAPI", "SemanticsLabelsAPI:material"]
+            prepend apiSchemas = ["PhysicsMaterialAPI", {schema}"SemanticsLabelsAPI:material"]
             doc = {doc}
         )
         {{
             float physics:density = {density}
             float physics:dynamicFriction = {friction}{bounce}
-            float physics:staticFriction = {friction}
-            token[] semantics:labels:material = [{family}, {material}]
+{poisson}            float physics:staticFriction = {friction}
+{young}            token[] semantics:labels:material = [{family}, {material}]
             token outputs:surface.connect = <{path}/surface.outputs:surface>
 
             def Shader "surface"
@@ -85,6 +92,9 @@ fn write_part_material(text: &mut String, rigid: &Rigid, label: &FieldPart) {
             }}
         }}
 "#,
+        schema = if deforms.is_some() { r#""PhysicsVolumeDeformableMaterialAPI", "# } else { "" },
+        poisson = modulus("poissonsRatio", |body| body.poisson_ratio),
+        young = modulus("youngsModulus", |body| body.youngs_modulus_pa),
         doc = quoted(&format!("{}: {}", label.material, label.caption)),
         density = label.density_kg_m3.mid,
         friction = friction(label, rigid.on_steel),
