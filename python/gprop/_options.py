@@ -160,6 +160,7 @@ class ExportOptions(StageOptions, total=False):
     at: Annotated[str | float, "Where these axes are by default, in metres: so exports that are loaded together stand side by side [default: 0,0,0]"]
     floating: Annotated[bool, "Hang a URDF's object on a floating joint, for readers that fix a root to the world (MuJoCo); --at does so too"]
     links: Annotated[Literal["one", "parts"], "Links of the object in URDF, MJCF, SDF and USD: one rigid body, or each part by itself, fixed to its neighbour [default: one] [possible values: one, parts]"]
+    deformable: Annotated[bool, "Let soft parts (foam, rubber, food and the like: E up to 10 MPa) deform in MJCF (`flex`) and USD (`TetMesh`): at most 4,000 tetrahedra each, which hang on the rigid parts that they touch"]
     glb_look: Annotated[Literal["meshes", "splat", "both"], "What the GLB shows of the object: a mesh for each part, its Gaussians, or both [default: meshes] [possible values: meshes, splat, both]"]
     mjcf_splats: Annotated[bool, "Write the Gaussians of each body of the MJCF as a PLY in the body's frame, which the MJCF names"]
     pad_geom: Annotated[str | Sequence[str], "Geoms of your gripper's pads, separated by commas: NAME_pads.xml beside the MJCF states the friction between each and the object as pairs"]
