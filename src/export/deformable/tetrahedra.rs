@@ -2,14 +2,14 @@
 //! matter. Each cell is divided into five tetrahedra, mirrored from cell to cell, so that neighbours share whole faces. Then the nodes of
 //! the surface are moved to where the matter ends, as far as no tetrahedron becomes too flat.
 //!
-//! Five tetrahedra are as soft as six in half of the directions and softer in the mean: pressed between rough plates, a cube of
-//! 8 x 8 x 8 cells with nu = 0.45 is 6 % stiffer than with cells half as large, and 8 % with six.
+//! Five tetrahedra are softer than six. Pressed between rough plates, a cube with nu = 0.45 resists 1.25 times as much as E A / h with
+//! 8 x 8 x 8 cells, and 1.21 times with 14 x 14 x 14; with six tetrahedra, 1.28 and 1.23 times.
 
 use nalgebra::{Point3, Vector3};
 
 use crate::parts::Grid;
 
-/// Most cells of a body: 4,000 tetrahedra, which MuJoCo advances about as fast as a second of time passes on one core.
+/// Most cells of a body: 4,000 tetrahedra, for which a step of MuJoCo takes 25 to 60 ms on one core.
 pub const MOST_CELLS: usize = 800;
 /// Share of a cell that must be matter for it to be kept.
 const KEPT: f64 = 0.5;
