@@ -68,8 +68,8 @@ fn with_models(criterion: &mut Criterion) {
     group.sample_size(10);
     group.bench_function("encode, one thread", |b| b.iter(|| sam.encode(&prepared.input)));
     let embedding = sam.encode(&prepared.input).expect("the encoder runs");
-    group.bench_function("prepare an embedding", |b| b.iter(|| sam.prepare(&embedding)));
-    let prepared = sam.prepare(&embedding).expect("the decoder runs");
+    group.bench_function("prepare an embedding", |b| b.iter(|| sam.prepare(&embedding, prepared.scaled)));
+    let prepared = sam.prepare(&embedding, prepared.scaled).expect("the decoder runs");
     group.bench_function("decode one prompt, one thread", |b| {
         b.iter(|| sam.decode(&prepared, &[[512.0, 512.0]], &|_| [true; 3], |_, decoded| _ = black_box(decoded.logits)));
     });

@@ -9,7 +9,7 @@ use gprop::from_splat::{foreground, render_views};
 use gprop::gaussians::Gaussians;
 use gprop::inspect::{Inspection, inspect, misfit, to_text};
 use gprop::numeric::{median, sphere_directions, upper_median};
-use gprop::render::sh_rotation;
+use gprop::render::sh_rotation::ShRotation;
 use gprop::scene::cameras::align::Conversion;
 use gprop::scene::splat::ply;
 use gprop::scene::{self, ForegroundSource, ObjectSource, Options, QuaternionOrder, View};
@@ -468,12 +468,13 @@ pub fn moved(cloud: &Gaussians, new_from_old: &Similarity3<f64>) -> Gaussians {
     let turn = new_from_old.isometry.rotation;
     let mut moved = cloud.clone();
     let rest = 3 * cloud.sh_rest_per_channel();
+    let harmonics = ShRotation::new(cloud.sh_degree, &turn.to_rotation_matrix());
     for i in 0..cloud.len() {
         moved.positions[i] = (new_from_old * cloud.center(i)).coords.map(|side| side as f32).into();
         moved.log_scales[i] = cloud.log_scales[i].map(|scale| scale + new_from_old.scaling().ln() as f32);
         let turned = turn * cloud.rotation(i);
         moved.rotations[i] = [turned.w, turned.i, turned.j, turned.k].map(|value| value as f32);
-        sh_rotation::rotate(cloud.sh_degree, &mut moved.sh_rest[i * rest..(i + 1) * rest], &turn.to_rotation_matrix());
+        harmonics.rotate(&mut moved.sh_rest[i * rest..(i + 1) * rest]);
     }
     moved
 }

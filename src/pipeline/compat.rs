@@ -12,7 +12,7 @@ use crate::simulate::compat::estimated::Estimated;
 use crate::simulate::compat::particle::Particle;
 use crate::simulate::compat::{self, CompatReport};
 use crate::simulate::material::SOFT_PA;
-use crate::simulate::states;
+use crate::simulate::states::{self, State};
 use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, WorkDir};
 
@@ -71,8 +71,8 @@ fn carry_out(
     work.remove(Artifact::Simulation)?;
     let save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| -> Result<()> {
         work.write_with(Artifact::Frame(frame), |out| ply::write(out, gaussians, &[]))?;
-        let state = |i: usize| (&particles[i]).into();
-        Ok(work.write_with(Artifact::States(frame), |out| states::write(out, particles.len(), state))?)
+        let states: Vec<State> = particles.iter().map(State::from).collect();
+        Ok(work.write_with(Artifact::States(frame), |out| states::write(out, &states))?)
     };
     let mut save = |frame: usize, particles: &[Particle], gaussians: &Gaussians| {
         save(frame, particles, gaussians).context(NOT_KEPT)

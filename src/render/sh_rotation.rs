@@ -43,21 +43,44 @@ fn basis(degree: usize, d: &Vector3<f64>) -> Vec<f64> {
     all[degree * degree - 1..(degree + 1) * (degree + 1) - 1].iter().map(|b| f64::from(*b)).collect()
 }
 
-/// Rotates a Gaussian's coefficients beyond the constant one (channel-major, as in a PLY) by `rotation`.
-pub fn rotate(sh_degree: u8, coefficients: &mut [f32], rotation: &Rotation3<f64>) {
-    static BANDS: OnceLock<[Band; 3]> = OnceLock::new();
-    let per_channel = coefficients.len() / 3;
-    for band in &BANDS.get_or_init(|| [1, 2, 3].map(Band::new))[..usize::from(sh_degree)] {
-        let first = band.degree * band.degree - 1;
-        let count = band.directions.len();
-        let old: Vec<Vec<f64>> =
-            band.directions.iter().map(|d| basis(band.degree, &rotation.inverse_transform_vector(d))).collect();
+/// A rotation of the coefficients beyond the constant one.
+pub struct ShRotation {
+    /// For each band, the rows of its matrix, one after the other.
+    bands: Vec<Vec<f64>>,
+}
+
+impl ShRotation {
+    /// The rotation of functions up to this degree, at most 3.
+    pub fn new(sh_degree: u8, rotation: &Rotation3<f64>) -> Self {
+        static BANDS: OnceLock<[Band; 3]> = OnceLock::new();
+        let bands = &BANDS.get_or_init(|| [1, 2, 3].map(Band::new))[..usize::from(sh_degree)];
+        let matrix = |band: &Band| {
+            let count = band.directions.len();
+            let values = |d: &Vector3<f64>| basis(band.degree, &rotation.inverse_transform_vector(d));
+            let old: Vec<Vec<f64>> = band.directions.iter().map(values).collect();
+            let values = DMatrix::from_fn(count, count, |k, c| old[k][c]);
+            (&band.from_values * values).transpose().as_slice().to_vec()
+        };
+        Self { bands: bands.iter().map(matrix).collect() }
+    }
+
+    /// Rotates a Gaussian's coefficients, channel-major as in a PLY.
+    pub fn rotate(&self, coefficients: &mut [f32]) {
+        let per_channel = coefficients.len() / 3;
+        if per_channel == 0 {
+            return;
+        }
         for channel in coefficients.chunks_exact_mut(per_channel) {
-            let channel = &mut channel[first..first + count];
-            let values: Vec<f64> =
-                old.iter().map(|b| b.iter().zip(&*channel).map(|(b, c)| b * f64::from(*c)).sum()).collect();
-            for (c, row) in channel.iter_mut().zip(band.from_values.row_iter()) {
-                *c = row.iter().zip(&values).map(|(m, v)| m * v).sum::<f64>() as f32;
+            let mut rest = channel;
+            for (degree, matrix) in (1..).zip(&self.bands) {
+                let count = 2 * degree + 1;
+                let (band, further) = rest.split_at_mut(count);
+                let mut old = [0.0; 7];
+                old[..count].copy_from_slice(band);
+                for (new, row) in band.iter_mut().zip(matrix.chunks_exact(count)) {
+                    *new = row.iter().zip(old).map(|(factor, value)| factor * f64::from(value)).sum::<f64>() as f32;
+                }
+                rest = further;
             }
         }
     }

@@ -28,7 +28,7 @@ use crate::simd::{Instructions, Kernel, MOST_LANES, Vector};
 /// Side of the square of logits of one mask.
 pub const LOGITS_SIDE: usize = 256;
 /// Side of the picture's embedding.
-const SIDE: usize = 64;
+pub const SIDE: usize = 64;
 const PIXELS: usize = SIDE * SIDE;
 /// Width of a token, and of a pixel of the embedding.
 pub const CHANNELS: usize = 256;
@@ -64,6 +64,8 @@ pub struct PreparedEmbedding {
     embedding: Vec<f32>,
     positions: Vec<f32>,
     first_layer: FirstLayer,
+    /// Columns and rows for which logits are wanted.
+    shown: [usize; 2],
 }
 
 /// Scratch buffers, reused between prompts.
@@ -82,12 +84,13 @@ impl MaskDecoder {
     }
 
     /// Does the work that does not depend on the prompt. `embedding` and `positions`, its positional encoding, are
-    /// `[PIXELS, CHANNELS]`.
-    pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>) -> PreparedEmbedding {
+    /// `[PIXELS, CHANNELS]`. Only the first `shown` columns and rows show the picture: logits elsewhere will be far below
+    /// zero.
+    pub fn prepare(&self, embedding: Vec<f32>, positions: Vec<f32>, shown: [usize; 2]) -> PreparedEmbedding {
         assert!(embedding.len() == PIXELS * CHANNELS && positions.len() == PIXELS * CHANNELS);
         let kernel = FirstLayerOf { weights: &self.weights, embedding: &embedding, positions: &positions };
         let first_layer = self.instructions.run(kernel);
-        PreparedEmbedding { embedding, positions, first_layer }
+        PreparedEmbedding { embedding, positions, first_layer, shown }
     }
 
     /// Decodes a prompt of `[count, CHANNELS]` tokens. Leaves the logits of the masks that are `wanted`, given the
@@ -161,7 +164,7 @@ impl Kernel for Decoding<'_> {
         }
         scratch.logits.resize(masks.len(), [0.0; LOGITS_SIDE * LOGITS_SIDE]);
         if !masks.is_empty() {
-            upscale::upscale::<V>(weights, &scratch.pixels, &masks, &mut scratch.logits);
+            upscale::upscale::<V>(weights, &scratch.pixels, image.shown, &masks, &mut scratch.logits);
         }
         predicted_iou
     }
@@ -300,7 +303,7 @@ mod tests {
     fn decoded(instructions: Instructions) -> [(Vec<f32>, [f32; MASKS]); COUNTS.len()] {
         let decoder = MaskDecoder { weights: Numbers(Cell::new(1)).weights(), instructions };
         let numbers = Numbers(Cell::new(7));
-        let image = decoder.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0));
+        let image = decoder.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0), [SIDE; 2]);
         let mut scratch = Scratch::default();
         let tokens = numbers.take(TOKENS * CHANNELS, 1.0);
         COUNTS.map(|count| {
@@ -312,6 +315,31 @@ mod tests {
             assert_eq!(scratch.logits.concat(), [&all[side..2 * side], &all[3 * side..]].concat(), "only those wanted");
             (all, scores)
         })
+    }
+
+    #[test]
+    fn logits_of_the_picture_are_the_same_without_those_beyond_it() {
+        let decoder = MaskDecoder { weights: Numbers(Cell::new(1)).weights(), instructions: Instructions::ANY };
+        let numbers = Numbers(Cell::new(7));
+        let [embedding, positions] = [(); 2].map(|()| numbers.take(PIXELS * CHANNELS, 1.0));
+        let tokens = numbers.take(TOKENS * CHANNELS, 1.0);
+        let mut scratch = Scratch::default();
+        let mut logits = |shown: [usize; 2]| {
+            let image = decoder.prepare(embedding.clone(), positions.clone(), shown);
+            decoder.decode(&image, &tokens, &|_| [true; MASKS], &mut scratch);
+            scratch.logits.concat()
+        };
+        let whole = logits([SIDE; 2]);
+        let [columns, rows] = [33, 20];
+        for (i, (part, whole)) in logits([columns, rows]).into_iter().zip(whole).enumerate() {
+            let (x, y) = (i % LOGITS_SIDE, i / LOGITS_SIDE % LOGITS_SIDE);
+            // Pixels of the embedding are upscaled in blocks of 16.
+            if x < 4 * columns && y < 4 * rows {
+                assert_eq!(part, whole, "({x}, {y})");
+            } else if x >= 4 * columns.next_multiple_of(16) || y >= 4 * rows {
+                assert!(part < -1e3, "({x}, {y})");
+            }
+        }
     }
 
     #[test]

@@ -9,18 +9,27 @@ use crate::simd::Vector;
 /// Number of pixels of the embedding that are upscaled at once: their results stay in the first-level cache.
 const BLOCK: usize = 16;
 
-/// The logits of the masks with these vectors, each `LOGITS_SIDE` x `LOGITS_SIDE`, row by row.
+/// Far below every threshold.
+const NO_MASK: f32 = -1e4;
+
+/// The logits of the masks with these vectors, each `LOGITS_SIDE` x `LOGITS_SIDE`, row by row: [`NO_MASK`] outside of the
+/// first `shown` columns and rows of the embedding.
 #[inline(always)]
 pub fn upscale<V: Vector>(
     weights: &Weights,
     picture: &[f32],
+    [columns, rows]: [usize; 2],
     masks: &[[f32; UPSCALED_TWICE]],
     logits: &mut [[f32; LOGITS_SIDE * LOGITS_SIDE]],
 ) {
     let [first, second] = &weights.upscaling;
     let mut once = [0.0; BLOCK * 4 * UPSCALED];
     let mut twice = [0.0; BLOCK * 16 * UPSCALED_TWICE];
-    for start in (0..PIXELS).step_by(BLOCK) {
+    let is_shown = |start: &usize| start % SIDE < columns && start / SIDE < rows;
+    if columns < SIDE || rows < SIDE {
+        logits.iter_mut().for_each(|logits| logits.fill(NO_MASK));
+    }
+    for start in (0..PIXELS).step_by(BLOCK).filter(is_shown) {
         first.apply::<V>(&picture[start * CHANNELS..][..BLOCK * CHANNELS], &mut once, BLOCK);
         weights.upscaling_norm.apply::<V>(&mut once);
         gelu::<V>(&mut once);

@@ -118,7 +118,7 @@ impl Request<'_> {
             rect,
             scale: [f64::from(scaled.0) / f64::from(rect.width()), f64::from(scaled.1) / f64::from(rect.height())],
             upsampler: Upsampler::new(rect.width(), rect.height(), scaled.0, scaled.1),
-            embedding: sam.prepare(&sam.encode(&input)?)?,
+            embedding: sam.prepare(&sam.encode(&input)?, scaled)?,
         })
     }
 

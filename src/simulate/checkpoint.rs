@@ -2,8 +2,8 @@
 //! bytes as one that was never interrupted.
 //!
 //! Layout, little endian: magic, version (u32), identity of the run (32 bytes), length of the record (u64), the record
-//! as JSON, number of values in the rigid bodies' state (u64), these values (f64), number of particles (u64), then each
-//! particle as 42 words.
+//! as JSON, number of values in the rigid bodies' state (u64), these values (f64), number of deforming particles (u64), then
+//! each of them as 42 words.
 
 use std::io::{self, Write};
 
@@ -12,12 +12,13 @@ use sha2::{Digest, Sha256};
 
 use super::error::SimulateError;
 use super::object::Particles;
-use super::states;
+use super::states::{self, State};
 use crate::files::json;
 use crate::mpm::particles::Particle;
+use crate::parallel;
 
 const MAGIC: &[u8; 8] = b"gpropmpm";
-const VERSION: u32 = 4;
+const VERSION: u32 = 5;
 /// 32-bit words per particle.
 const WORDS: usize = 42;
 
@@ -69,8 +70,8 @@ impl Snapshot<'_> {
         let bodies = self.particles.body_numbers();
         out.write_all(&(bodies.len() as u64).to_le_bytes())?;
         bodies.iter().try_for_each(|number| out.write_all(&number.to_le_bytes()))?;
-        out.write_all(&(self.particles.count() as u64).to_le_bytes())?;
-        self.particles.iter().flat_map(|p| words(&p)).try_for_each(|word| out.write_all(&word.to_le_bytes()))
+        out.write_all(&(self.particles.deforming().len() as u64).to_le_bytes())?;
+        self.particles.deforming().flat_map(|p| words(&p)).try_for_each(|word| out.write_all(&word.to_le_bytes()))
     }
 
     /// Writes the particles for other programs.
@@ -78,7 +79,8 @@ impl Snapshot<'_> {
     /// # Errors
     /// If writing fails.
     pub fn write_states(&self, out: &mut dyn Write) -> io::Result<()> {
-        states::write(out, self.particles.count(), |i| self.particles.get(i).into())
+        let states: Vec<State> = parallel::map_range(self.particles.count(), |i| self.particles.get(i).into());
+        states::write(out, &states)
     }
 }
 
@@ -89,6 +91,7 @@ pub struct Checkpoint {
     pub(super) record: Record,
     /// See [`Object::numbers`](super::object::Object::numbers).
     pub(super) bodies: Vec<f64>,
+    /// Those that deform.
     pub(super) particles: Vec<Particle>,
 }
 

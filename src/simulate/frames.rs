@@ -4,13 +4,15 @@
 //! the scenario's tilt included, and is stored again as scale and rotation; its spherical harmonics are rotated by the
 //! rotation of F's polar decomposition (after Xie et al., *PhysGaussian*, 2024).
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, Vector3};
 
 use super::checkpoint::FrameSummary;
 use super::object::Particles;
 use crate::gaussians::Gaussians;
 use crate::parallel;
-use crate::render::sh_rotation;
+use crate::render::sh_rotation::ShRotation;
 use crate::scene::robust_bounds;
 
 /// One moment of the simulation.
@@ -55,21 +57,57 @@ pub fn summary(particles: &Particles, gaussians: &Gaussians, to_world: ToWorld, 
 pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &Particles, to_world: ToWorld) -> Gaussians {
     /// Gaussians computed before they are stored: their spherical harmonics are most of a scene's memory.
     const AT_ONCE: usize = 1 << 14;
-    let moved = |id: usize| {
-        let i = carried[id];
-        let particle = particles.get(id);
-        let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
-        let deformation = Matrix3::from_row_slice(&particle.deformation.map(f64::from));
-        (i, Moved::new(gaussians, i as usize, world_m / to_world.meters_per_unit, &deformation))
+    /// Neighbours that may share a deformation, as those of a rigid body do.
+    const RUN: usize = 1 << 8;
+    let moved = |ids: Range<usize>| {
+        let mut last: Option<([f32; 9], Deformation)> = None;
+        ids.map(|id| {
+            let i = carried[id];
+            let particle = particles.get(id);
+            let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
+            let deformation = match last.take() {
+                Some((of, deformation)) if of == particle.deformation => deformation,
+                _ => Deformation::new(gaussians.sh_degree, Matrix3::from_row_slice(&particle.deformation.map(f64::from))),
+            };
+            let moved = Moved::new(gaussians, i as usize, world_m / to_world.meters_per_unit, &deformation);
+            last = Some((particle.deformation, deformation));
+            (i, moved)
+        })
+        .collect::<Vec<_>>()
     };
     let mut out = gaussians.clone();
     for first in (0..carried.len()).step_by(AT_ONCE) {
-        let of_chunk = parallel::map_range(AT_ONCE.min(carried.len() - first), |at| moved(first + at));
-        for (i, moved) in of_chunk {
+        let end = carried.len().min(first + AT_ONCE);
+        let runs = parallel::map_range((end - first).div_ceil(RUN), |run| {
+            let from = first + run * RUN;
+            moved(from..end.min(from + RUN))
+        });
+        for (i, moved) in runs.into_iter().flatten() {
             moved.store(&mut out, i as usize);
         }
     }
     out
+}
+
+/// What the matter around a Gaussian does to it.
+pub struct Deformation {
+    /// The deformation gradient.
+    f: Matrix3<f64>,
+    /// The rotation that it is, if it changes no shape.
+    turn: Option<UnitQuaternion<f64>>,
+    harmonics: ShRotation,
+}
+
+impl Deformation {
+    /// The deformation of Gaussians of this degree with the deformation gradient `f`.
+    pub fn new(sh_degree: u8, f: Matrix3<f64>) -> Self {
+        /// The largest strain that is rounding: deformation gradients are stored in single precision.
+        const ROUNDING: f64 = 1e-6;
+        let rotation = polar_rotation(&f);
+        let is_turn = (rotation.matrix() - f).amax() < ROUNDING;
+        let turn = is_turn.then(|| UnitQuaternion::from_rotation_matrix(&rotation));
+        Self { f, turn, harmonics: ShRotation::new(sh_degree, &rotation) }
+    }
 }
 
 /// The attributes of a Gaussian that change.
@@ -81,12 +119,16 @@ pub struct Moved {
 }
 
 impl Moved {
-    /// Gaussian `i` moved to `position` (world frame, scene units) with the deformation gradient `f`.
-    pub fn new(gaussians: &Gaussians, i: usize, position: Vector3<f64>, f: &Matrix3<f64>) -> Self {
-        let axes = f * gaussians.rotation(i).to_rotation_matrix() * Matrix3::from_diagonal(&gaussians.scale(i));
-        let (log_scale, rotation) = scale_and_rotation(&axes);
+    /// Gaussian `i` moved to `position` (world frame, scene units) with this deformation.
+    pub fn new(gaussians: &Gaussians, i: usize, position: Vector3<f64>, deformation: &Deformation) -> Self {
+        let Deformation { f, turn, harmonics } = deformation;
+        let own = gaussians.rotation(i);
+        let (log_scale, rotation) = match turn {
+            Some(turn) => (gaussians.log_scales[i], wxyz(&(turn * own))),
+            None => scale_and_rotation(&(f * own.to_rotation_matrix() * Matrix3::from_diagonal(&gaussians.scale(i)))),
+        };
         let mut sh_rest = gaussians.sh_rest_of(i).to_vec();
-        sh_rotation::rotate(gaussians.sh_degree, &mut sh_rest, &polar_rotation(f));
+        harmonics.rotate(&mut sh_rest);
         Self { position: position.map(|x| x as f32).into(), log_scale, rotation, sh_rest }
     }
 
@@ -110,7 +152,11 @@ fn scale_and_rotation(axes: &Matrix3<f64>) -> ([f32; 3], [f32; 4]) {
     let q = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(turn));
     // A Gaussian pressed flat keeps a thickness whose logarithm is finite.
     let scales = svd.singular_values.map(|s| s.max(f64::from(f32::MIN_POSITIVE)).ln() as f32);
-    (scales.into(), [q.w, q.i, q.j, q.k].map(|x| x as f32))
+    (scales.into(), wxyz(&q))
+}
+
+fn wxyz(q: &UnitQuaternion<f64>) -> [f32; 4] {
+    [q.w, q.i, q.j, q.k].map(|x| x as f32)
 }
 
 /// The rotation R of F = R S; if F is inverted, the nearest proper rotation.

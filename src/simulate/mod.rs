@@ -159,7 +159,7 @@ fn identity(setup: &Setup, options: &Options) -> [u8; 32] {
     checkpoint::identity(&setup.start, &course)
 }
 
-/// The object as a checkpoint holds it; the particles of its rigid bodies are those of the start.
+/// The object as a checkpoint holds it.
 fn resumed(
     checkpoint: Checkpoint,
     mut start: Vec<Particle>,
@@ -169,19 +169,17 @@ fn resumed(
 ) -> Result<(Record, Object), SimulateError> {
     // The solver looks up laws by their numbers, and builds a grid around all particles.
     let domain_m = setting.domain_m;
-    let fits = |(start, now): (&Particle, &Particle)| {
+    let fits = |(start, now): (&&mut Particle, &Particle)| {
         let constants = |p: &Particle| [p.mass_kg, p.volume_m3].map(f32::to_bits);
         let is_same = start.law == now.law && constants(start) == constants(now);
         is_same && now.is_finite() && crate::mpm::is_within(domain_m, now.position_m)
     };
-    if start.len() != checkpoint.particles.len() || !start.iter().zip(&checkpoint.particles).all(fits) {
+    let with_body = start.iter_mut().zip(&bodies.body_of);
+    let deforming: Vec<&mut Particle> = with_body.filter(|(_, body)| body.is_none()).map(|(p, _)| p).collect();
+    if deforming.len() != checkpoint.particles.len() || !deforming.iter().zip(&checkpoint.particles).all(fits) {
         return Err(SimulateError::Checkpoint("the state of its particles is damaged".to_owned()));
     }
-    for ((particle, now), body) in start.iter_mut().zip(checkpoint.particles).zip(&bodies.body_of) {
-        if body.is_none() {
-            *particle = now;
-        }
-    }
+    deforming.into_iter().zip(checkpoint.particles).for_each(|(particle, now)| *particle = now);
     let mut object = Object::new(setting, start, bodies, Some(ground));
     if !object.restore(&checkpoint.bodies) {
         return Err(SimulateError::Checkpoint("the state of its rigid bodies is damaged".to_owned()));

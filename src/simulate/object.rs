@@ -375,6 +375,11 @@ impl Particles<'_> {
         own.sum::<f64>() + self.object.bodies.iter().map(Body::kinetic_j).sum::<f64>()
     }
 
+    /// Those that deform.
+    pub fn deforming(&self) -> impl ExactSizeIterator<Item = Particle> + '_ {
+        (0..self.object.on_grid.len()).map(|own| self.grid.get(own))
+    }
+
     pub fn iter(&self) -> impl Iterator<Item = Particle> + '_ {
         (0..self.count()).map(|id| self.get(id))
     }

@@ -34,13 +34,13 @@ impl From<&CompatParticle> for State {
     }
 }
 
-/// Writes an NPZ file of `count` particles, array by array, so that no array is in memory as a whole.
+/// Writes an NPZ file of the particles.
 ///
 /// # Errors
 /// If writing fails.
-pub fn write(out: impl Write, count: usize, state: impl Fn(usize) -> State) -> io::Result<()> {
-    let n = count as u64;
-    let states = || (0..count).map(&state);
+pub fn write(out: impl Write, states: &[State]) -> io::Result<()> {
+    let n = states.len() as u64;
+    let states = || states.iter();
     let mut npz = NpzWriter::new(out);
     npz.array("x", &[n, 3], states().flat_map(|s| s.x))?;
     npz.array("v", &[n, 3], states().flat_map(|s| s.v))?;

@@ -9,7 +9,8 @@ use gprop::grasp::gripper::GripperProfile;
 use gprop::grasp::surface::Surface;
 use gprop::grasp::{self, GraspReport, grasp};
 use gprop::parts::{self, Parts, parts};
-use gprop::render::{RenderOptions, render, sh_rotation};
+use gprop::render::sh_rotation::ShRotation;
+use gprop::render::{RenderOptions, render};
 use gprop::scene::splat::ply;
 use gprop::scene::{self, ObjectSource, Options, ScaleChoice, Scene, UpChoice, UpSource};
 use gprop::words::progress::Progress;
@@ -36,13 +37,14 @@ fn turns() -> [UnitQuaternion<f64>; 3] {
 fn moved(mut gaussians: Gaussians, turn: &UnitQuaternion<f64>, scale: f64) -> Gaussians {
     let rotation = turn.to_rotation_matrix();
     let rest = 3 * gaussians.sh_rest_per_channel();
+    let turned = ShRotation::new(gaussians.sh_degree, &rotation);
     for i in 0..gaussians.len() {
         let own = turn * gaussians.rotation(i);
         gaussians.positions[i] = (rotation * gaussians.center(i) * scale).map(|side| side as f32).into();
         gaussians.rotations[i] = [own.w, own.i, own.j, own.k].map(|part| part as f32);
         gaussians.log_scales[i] = gaussians.log_scales[i].map(|log| log + scale.ln() as f32);
         if rest > 0 {
-            sh_rotation::rotate(gaussians.sh_degree, &mut gaussians.sh_rest[i * rest..(i + 1) * rest], &rotation);
+            turned.rotate(&mut gaussians.sh_rest[i * rest..(i + 1) * rest]);
         }
     }
     gaussians

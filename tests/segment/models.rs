@@ -63,7 +63,7 @@ fn every_form_of_the_export_gives_the_three_levels() {
         let Some(files) = tiny("every_form_of_the_export_gives_the_three_levels", decoder) else { return };
         let sam = Sam::open(&files, None, 2).unwrap();
         assert_eq!(sam.batch(), batch, "{decoder}");
-        let prepared = sam.prepare(&sam.encode(&plain_input(rgb)).unwrap()).unwrap();
+        let prepared = sam.prepare(&sam.encode(&plain_input(rgb)).unwrap(), (1024, 1024)).unwrap();
         let mut decoded = 0;
         for points in points.chunks(batch) {
             sam.decode(&prepared, points, &|_| [true; 3], |index, masks| {
@@ -100,7 +100,7 @@ fn the_decoder_computes_what_onnx_runtime_computes() {
     let photo = image::open(root().join("fixtures/hammer/images/000.png")).unwrap().into_rgb8();
     let embedding = own.encode(&prepare(&photo).input).unwrap();
     let answers = |sam: &Sam, wanted: [bool; 3]| {
-        let prepared = sam.prepare(&embedding).unwrap();
+        let prepared = sam.prepare(&embedding, (1024, 1024)).unwrap();
         let mut answers = Vec::new();
         for point in [[512.0, 512.0], [300.0, 700.0], [20.0, 1000.0]] {
             sam.decode(&prepared, &[point], &|_| wanted, |_, decoded| {

@@ -682,7 +682,7 @@ fn film_shows_the_object_in_every_picture() {
     let bar = Bar::new();
     let (frames, report) = run(&bar.input(), &options());
     let all = vec![true; bar.gaussians.len()];
-    let mut load = |index: usize| Ok::<_, Box<dyn Error>>(frames[index].gaussians.clone());
+    let mut load = |index: usize| Ok::<_, Box<dyn Error + Send + Sync>>(frames[index].gaussians.clone());
     let viewpoint = |change: &dyn Fn(&mut Viewpoint)| {
         let mut viewpoint = Options::default().viewpoint;
         viewpoint.film = film::Options { size: Size { width: 480, height: 360 }, fps: 24 };

@@ -5,7 +5,7 @@ use nalgebra::{Similarity3, Translation3, UnitQuaternion};
 use super::Up;
 use crate::gaussians::Gaussians;
 use crate::parallel;
-use crate::render::sh_rotation;
+use crate::render::sh_rotation::ShRotation;
 use crate::scene::View;
 use crate::scene::cameras::align::moved;
 
@@ -32,7 +32,8 @@ pub(in crate::scene) fn gaussians(cloud: &mut Gaussians, turn: &UnitQuaternion<f
     (cloud.positions, cloud.rotations) = turned.into_iter().unzip();
     let (degree, count) = (cloud.sh_degree, 3 * cloud.sh_rest_per_channel());
     if count > 0 {
-        parallel::for_each_chunk_mut(&mut cloud.sh_rest, count, |_, rest| sh_rotation::rotate(degree, rest, &rotation));
+        let turned = ShRotation::new(degree, &rotation);
+        parallel::for_each_chunk_mut(&mut cloud.sh_rest, count, |_, rest| turned.rotate(rest));
     }
 }
 

@@ -19,6 +19,7 @@ use super::options::DecoderRuntime;
 use crate::files;
 use crate::parallel;
 pub use crate::sam::LOGITS_SIDE;
+use crate::sam::SIDE;
 use crate::setup::{self, Doctor, ModelFiles};
 use cache::Cache;
 pub use decoder::Wanted;
@@ -103,9 +104,13 @@ impl Sam {
         Ok(embedding)
     }
 
-    /// Does the decoder's work that does not depend on the prompt.
-    pub fn prepare(&self, embedding: &Embedding) -> Result<PreparedEmbedding, SegmentError> {
-        self.decoder.prepare(embedding).map(PreparedEmbedding).map_err(decoder_failed)
+    /// Does the decoder's work that does not depend on the prompt, for a picture whose scaled copy has this width and
+    /// height. Logits beyond it are of no use.
+    pub fn prepare(&self, embedding: &Embedding, scaled: (u32, u32)) -> Result<PreparedEmbedding, SegmentError> {
+        // Enlarging mixes the picture's last logits with their neighbours.
+        let logits = |length: u32| (length as usize * LOGITS_SIDE).div_ceil(MODEL_SIDE) + 1;
+        let shown = [scaled.0, scaled.1].map(|length| (logits(length) * SIDE).div_ceil(LOGITS_SIDE).min(SIDE));
+        self.decoder.prepare(embedding, shown).map(PreparedEmbedding).map_err(decoder_failed)
     }
 
     /// Number of prompts to decode at once, for which the decoder was exported. More would gain nothing on a CPU.

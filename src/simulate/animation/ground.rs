@@ -24,13 +24,11 @@ const BLUR: usize = 2;
 /// The plane z = `z` as a camera sees it; world frame, scene units.
 pub struct Ground {
     z: f64,
-    /// Longest side of the object.
-    scale: f64,
-    bounds: [[f64; 3]; 2],
+    grid: ShadowGrid,
     /// Per pixel: the colour without a shadow.
     lit: Vec<[f32; 3]>,
-    /// Per pixel: x and y on the plane; not finite in the sky.
-    places: Vec<[f64; 2]>,
+    /// Per pixel: its place in the grid, counted from the middle of the first cell; NaN in the sky.
+    places: Vec<[f32; 2]>,
 }
 
 impl Ground {
@@ -42,31 +40,33 @@ impl Ground {
         let world_from_camera = camera.camera_from_world.inverse();
         let eye = world_from_camera * Point3::origin();
         let width = i.width as usize;
+        let grid = ShadowGrid::new(scale, bounds);
         let seen = |pixel: usize| {
             let (x, y) = ((pixel % width) as f64 + 0.5, (pixel / width) as f64 + 0.5);
             let ray = world_from_camera * Vector3::new((x - i.cx) / i.fx, (y - i.cy) / i.fy, 1.0);
             let distance = (z - eye.z) / ray.z;
             // The sky, and ground behind the camera.
             if distance <= 0.0 || !distance.is_finite() {
-                return (BACKGROUND, [f64::NAN; 2]);
+                return (BACKGROUND, [f32::NAN; 2]);
             }
             // Size of the pixel on the ground along the line of sight, for soft edges between the squares.
             let footprint = distance * ray.norm() / i.fx / (ray.z.abs() / ray.norm());
             let at = eye + ray * distance;
-            (color(at, footprint, scale, center), [at.x, at.y])
+            (color(at, footprint, scale, center), grid.place([at.x, at.y]).map(|place| (place - 0.5) as f32))
         };
         let (lit, places) = parallel::map_range(i.height as usize * width, seen).into_iter().unzip();
-        Self { z, scale, bounds, lit, places }
+        Self { z, grid, lit, places }
     }
 
-    /// The ground with the shadow of these Gaussians, row by row.
-    pub fn under(&self, gaussians: &Gaussians) -> Vec<[f32; 3]> {
-        let shadow = Shadow::of(gaussians, self.z, self.scale, self.bounds);
-        let shaded = |i: usize| {
-            let light = 1.0 - SHADOW * shadow.at(self.places[i][0], self.places[i][1]);
-            self.lit[i].map(|channel| channel * light)
-        };
-        parallel::map_range(self.lit.len(), shaded)
+    /// The shadow of these Gaussians.
+    pub fn shadow(&self, gaussians: &Gaussians) -> Shadow {
+        Shadow::of(gaussians, self.z, self.grid)
+    }
+
+    /// The colour at a pixel under a shadow.
+    pub fn color(&self, pixel: usize, shadow: &Shadow) -> [f32; 3] {
+        let light = 1.0 - SHADOW * shadow.at(self.places[pixel]);
+        self.lit[pixel].map(|channel| channel * light)
     }
 }
 
@@ -89,26 +89,45 @@ fn soft_sign(phase: f64, width: f64) -> f64 {
     (2.0 * from_edge / width.max(1e-9)).clamp(-1.0, 1.0)
 }
 
-/// How much light the object blocks, cell by cell.
-struct Shadow {
+/// The cells of the ground around the object.
+#[derive(Clone, Copy)]
+struct ShadowGrid {
     origin: [f64; 2],
     cell: f64,
+    dims: [usize; 2],
+}
+
+impl ShadowGrid {
+    /// The cells around an object whose longest side is `scale`.
+    fn new(scale: f64, [low, high]: [[f64; 3]; 2]) -> Self {
+        let cell = scale / CELLS;
+        let margin = scale;
+        let origin = [low[0] - margin, low[1] - margin];
+        let dims = [0, 1].map(|a| ((high[a] - low[a] + 2.0 * margin) / cell).ceil() as usize);
+        Self { origin, cell, dims }
+    }
+
+    /// A point of the ground, counted in cells.
+    fn place(&self, at: [f64; 2]) -> [f64; 2] {
+        [0, 1].map(|a| (at[a] - self.origin[a]) / self.cell)
+    }
+}
+
+/// How much light the object blocks, cell by cell.
+pub struct Shadow {
     dims: [usize; 2],
     /// 0 lit, 1 dark.
     dark: Vec<f32>,
 }
 
 impl Shadow {
-    fn of(gaussians: &Gaussians, z: f64, scale: f64, [low, high]: [[f64; 3]; 2]) -> Self {
-        let cell = scale / CELLS;
-        let margin = scale;
-        let origin = [low[0] - margin, low[1] - margin];
-        let dims = [0, 1].map(|a| ((high[a] - low[a] + 2.0 * margin) / cell).ceil() as usize);
+    fn of(gaussians: &Gaussians, z: f64, grid: ShadowGrid) -> Self {
+        let ShadowGrid { cell, dims, .. } = grid;
         let mut depth = vec![0.0_f32; dims[0] * dims[1]];
         for i in 0..gaussians.len() {
             let p = gaussians.center(i);
             let fall = (p.z - z).max(0.0) / -LIGHT[2];
-            let at = [0, 1].map(|a| ((p[a] + fall * LIGHT[a] - origin[a]) / cell).floor());
+            let at = grid.place([0, 1].map(|a| p[a] + fall * LIGHT[a]));
             if (0..2).any(|a| !(at[a] >= 0.0 && at[a] < dims[a] as f64)) {
                 continue;
             }
@@ -122,22 +141,25 @@ impl Shadow {
             depth = blurred(&depth, dims[0], dims[1]);
             depth = blurred(&depth, dims[1], dims[0]);
         }
-        Self { origin, cell, dims, dark: depth.into_iter().map(|d| 1.0 - (-d).exp()).collect() }
+        Self { dims, dark: depth.into_iter().map(|d| 1.0 - (-d).exp()).collect() }
     }
 
-    /// Darkness at a point of the ground, interpolated linearly between cells.
-    fn at(&self, x: f64, y: f64) -> f32 {
-        let [u, v] = [(x - self.origin[0]) / self.cell - 0.5, (y - self.origin[1]) / self.cell - 0.5];
-        let (i, j) = (u.floor(), v.floor());
-        if !(i >= 0.0 && j >= 0.0 && i + 1.0 < self.dims[0] as f64 && j + 1.0 < self.dims[1] as f64) {
+    /// Darkness at a place counted from the middle of the first cell, interpolated linearly between cells.
+    fn at(&self, [u, v]: [f32; 2]) -> f32 {
+        // False also if they are NaN.
+        if !(u >= 0.0 && v >= 0.0) {
             return 0.0;
         }
-        let (s, t) = ((u - i) as f32, (v - j) as f32);
+        let (i, j) = (u as usize, v as usize);
+        if i.saturating_add(1) >= self.dims[0] || j.saturating_add(1) >= self.dims[1] {
+            return 0.0;
+        }
+        let (s, t) = (u - i as f32, v - j as f32);
         let row = |j: usize| {
-            let k = j * self.dims[0] + i as usize;
+            let k = j * self.dims[0] + i;
             self.dark[k] * (1.0 - s) + self.dark[k + 1] * s
         };
-        row(j as usize) * (1.0 - t) + row(j as usize + 1) * t
+        row(j) * (1.0 - t) + row(j + 1) * t
     }
 }
 

@@ -23,7 +23,7 @@ use crate::render::{self, RenderOptions};
 use crate::words::progress::Progress;
 use between::Motion;
 use camera::cameras_around;
-use ground::Ground;
+use ground::{Ground, Shadow};
 pub use recorder::Film;
 use recorder::{Recorded, Recorder};
 
@@ -48,6 +48,9 @@ pub fn pace(simulated_s: f64) -> &'static str {
         _ => "in real time",
     }
 }
+
+/// Pictures that are drawn at once. Some steps of each run on one thread, while the others draw the next.
+const AT_ONCE: usize = 2;
 
 /// Longest side of the animation for pages, px.
 const SMALL_PX: u32 = 640;
@@ -154,24 +157,35 @@ impl<'a> Shooting<'a> {
         self.count
     }
 
-    /// Draws the pictures in order and passes each to `take`. `load` returns the Gaussians of a frame by its index.
+    /// Draws the pictures and passes them to `take` in order, while the next ones are drawn. `load` returns the Gaussians of
+    /// a frame by its index.
     ///
     /// # Errors
     /// The errors of `load` and of `take`.
-    pub fn draw<E>(
+    pub fn draw<E: Send>(
         &self,
         load: &mut dyn FnMut(usize) -> Result<Gaussians, E>,
-        take: &mut dyn FnMut(RgbImage) -> Result<(), E>,
+        take: &mut (dyn FnMut(RgbImage) -> Result<(), E> + Send),
         progress: Progress,
     ) -> Result<(), E> {
         let bar = progress.bar("film", self.count as u64);
         let mut motion = Motion::new(self.report.frames.len(), self.simulated, load);
-        let mut ground = None;
-        for index in 0..self.count {
-            let gaussians = motion.at(self.frame_at(index))?;
-            take(self.picture(index, &gaussians, &mut ground))?;
-            bar.inc(1);
+        // A camera that moves sees another ground in each picture.
+        let ground = (self.cameras.len() == 1).then(|| self.ground(0));
+        let mut drawn: Vec<RgbImage> = Vec::new();
+        for first in (0..self.count).step_by(AT_ONCE) {
+            let shown = first..self.count.min(first + AT_ONCE);
+            let moments = shown.map(|index| motion.at(self.frame_at(index))).collect::<Result<Vec<_>, E>>()?;
+            let draw = |n: usize| self.picture(first + n, &moments[n], ground.as_ref());
+            let (taken, next) = parallel::join(
+                || drawn.drain(..).try_for_each(|picture| take(picture)),
+                || parallel::map_range(moments.len(), draw),
+            );
+            taken?;
+            drawn = next;
+            bar.inc(drawn.len() as u64);
         }
+        drawn.into_iter().try_for_each(take)?;
         bar.finish_and_clear();
         Ok(())
     }
@@ -180,7 +194,7 @@ impl<'a> Shooting<'a> {
     ///
     /// # Errors
     /// The errors of `load`, and [`FilmError`].
-    pub fn films<E: From<FilmError>>(
+    pub fn films<E: From<FilmError> + Send>(
         &self,
         load: &mut dyn FnMut(usize) -> Result<Gaussians, E>,
         progress: Progress,
@@ -221,7 +235,7 @@ impl<'a> Shooting<'a> {
         (0..GIF_SAMPLES)
             .map(|n| {
                 let frame = (self.frame_at(index_of(n)).round() as usize).min(frames - 1);
-                Ok(self.picture(index_of(n), &load(frame)?, &mut None))
+                Ok(self.picture(index_of(n), &load(frame)?, None))
             })
             .collect()
     }
@@ -232,16 +246,25 @@ impl<'a> Shooting<'a> {
         (frames - 1) as f64 * index as f64 / (self.count - 1).max(1) as f64
     }
 
-    /// A picture. For a camera that does not move, the ground is drawn once.
-    fn picture(&self, index: usize, gaussians: &Gaussians, ground: &mut Option<Ground>) -> RgbImage {
-        let camera = &self.cameras[index % self.cameras.len()];
-        if self.cameras.len() > 1 {
-            *ground = None;
+    /// A picture, over the `ground` that its camera sees.
+    fn picture(&self, index: usize, gaussians: &Gaussians, ground: Option<&Ground>) -> RgbImage {
+        let render = render::render(gaussians, self.camera(index), &RenderOptions::default());
+        match ground {
+            Some(ground) => over(&render, ground, &ground.shadow(gaussians)),
+            None => {
+                let ground = self.ground(index);
+                over(&render, &ground, &ground.shadow(gaussians))
+            }
         }
-        let ground_z = self.report.ground_z_m / self.report.meters_per_unit;
-        let ground = ground.get_or_insert_with(|| Ground::new(ground_z, self.report, camera));
-        let render = render::render(gaussians, camera, &RenderOptions::default());
-        over(&render, &ground.under(gaussians))
+    }
+
+    /// The ground in a picture.
+    fn ground(&self, index: usize) -> Ground {
+        Ground::new(self.report.ground_z_m / self.report.meters_per_unit, self.report, self.camera(index))
+    }
+
+    fn camera(&self, index: usize) -> &Camera {
+        &self.cameras[index % self.cameras.len()]
     }
 }
 
@@ -267,12 +290,14 @@ fn small(picture: &RgbImage) -> RgbImage {
 }
 
 /// Composites the object over the ground.
-fn over(render: &render::Render, ground: &[[f32; 3]]) -> RgbImage {
+fn over(render: &render::Render, ground: &Ground, shadow: &Shadow) -> RgbImage {
     let mut picture = RgbImage::new(render.width, render.height);
     parallel::for_each_mut(picture.as_chunks_mut::<3>().0, |i, pixel| {
+        let under = ground.color(i, shadow);
         for c in 0..3 {
-            let light = render.rgb[i][c] + (1.0 - render.alpha[i]) * ground[i][c];
-            pixel[c] = (light.clamp(0.0, 1.0) * 255.0).round() as u8;
+            let light = render.rgb[i][c] + (1.0 - render.alpha[i]) * under[c];
+            // `round` would be a call per pixel.
+            pixel[c] = (light.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
         }
     });
     picture

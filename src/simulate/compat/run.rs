@@ -11,7 +11,7 @@ use super::solver::{Lost, Solver};
 use crate::gaussians::Gaussians;
 use crate::parallel;
 use crate::simulate::SimulateError;
-use crate::simulate::frames::Moved;
+use crate::simulate::frames::{Deformation, Moved};
 use crate::words::progress::Progress;
 
 /// A frame in numbers, in the peer's box.
@@ -128,7 +128,7 @@ fn moved(setup: &Setup, particles: &[Particle]) -> Gaussians {
         let (i, particle) = (setup.carried[n] as usize, &particles[n]);
         let in_world = setup.to_box.undo(&particle.position.map(f64::from));
         let deformation: Matrix3<f64> = turn.transpose() * particle.trial.map(f64::from) * turn;
-        Moved::new(&setup.scene, i, in_world, &deformation)
+        Moved::new(&setup.scene, i, in_world, &Deformation::new(setup.scene.sh_degree, deformation))
     });
     let mut out = setup.scene.clone();
     for (&i, moved) in setup.carried.iter().zip(moved) {

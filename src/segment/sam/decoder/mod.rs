@@ -16,7 +16,7 @@ mod weights;
 
 use std::path::Path;
 
-use crate::sam::PreparedEmbedding;
+use crate::sam::{PreparedEmbedding, SIDE};
 
 use super::super::error::SegmentError;
 use super::super::options::DecoderRuntime;
@@ -129,10 +129,11 @@ impl Decoder {
         self.prompt.batch
     }
 
-    /// Does the work that does not depend on the prompt.
-    pub fn prepare(&self, embedding: &Embedding) -> Result<Prepared, Mismatch> {
+    /// Does the work that does not depend on the prompt. Logits are wanted for the first `shown` columns and rows of the
+    /// embedding.
+    pub fn prepare(&self, embedding: &Embedding, shown: [usize; 2]) -> Result<Prepared, Mismatch> {
         match &self.backend {
-            Backend::Native(native) => native.prepare(embedding).map(Prepared::Native),
+            Backend::Native(native) => native.prepare(embedding, shown).map(Prepared::Native),
             Backend::OnnxRuntime(_) => Ok(Prepared::OnnxRuntime(embedding.clone())),
         }
     }
@@ -164,7 +165,7 @@ impl Decoder {
         let point = [0.4 * MODEL_SIDE as f32, 0.3 * MODEL_SIDE as f32];
         let decode = |decoder: &Self| -> Result<(Vec<f32>, [f32; 3]), Mismatch> {
             let mut answer = (Vec::new(), [0.0; 3]);
-            decoder.run(&decoder.prepare(&embedding)?, &[point], &|_| [true; 3], |_, decoded| {
+            decoder.run(&decoder.prepare(&embedding, [SIDE; 2])?, &[point], &|_| [true; 3], |_, decoded| {
                 answer = (decoded.logits.into_iter().flatten().flatten().copied().collect(), decoded.predicted_iou);
             })?;
             Ok(answer)

@@ -41,7 +41,7 @@ impl Native {
         Ok(native)
     }
 
-    pub fn prepare(&self, embedding: &Embedding) -> Result<PreparedEmbedding, Mismatch> {
+    pub fn prepare(&self, embedding: &Embedding, shown: [usize; 2]) -> Result<PreparedEmbedding, Mismatch> {
         let blank = self.prompt.blank();
         let standard = standard_inputs(embedding, &blank, self.prompt);
         self.image.with(|session| {
@@ -53,7 +53,7 @@ impl Native {
                 values.map(<[f32]>::to_vec).ok_or_else(|| Mismatch::SmallValue(name.to_owned()))
             };
             let embedding = first(&self.sources.image_embedding)?;
-            Ok(self.mask_decoder.prepare(embedding, first(&self.sources.positional_encoding)?))
+            Ok(self.mask_decoder.prepare(embedding, first(&self.sources.positional_encoding)?, shown))
         })
     }
 
