@@ -303,7 +303,8 @@ mod tests {
     fn decoded(instructions: Instructions) -> [(Vec<f32>, [f32; MASKS]); COUNTS.len()] {
         let decoder = MaskDecoder { weights: Numbers(Cell::new(1)).weights(), instructions };
         let numbers = Numbers(Cell::new(7));
-        let image = decoder.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0), [SIDE; 2]);
+        let image =
+            decoder.prepare(numbers.take(PIXELS * CHANNELS, 1.0), numbers.take(PIXELS * CHANNELS, 1.0), [SIDE; 2]);
         let mut scratch = Scratch::default();
         let tokens = numbers.take(TOKENS * CHANNELS, 1.0);
         COUNTS.map(|count| {

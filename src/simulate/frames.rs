@@ -67,7 +67,9 @@ pub fn deformed(gaussians: &Gaussians, carried: &[u32], particles: &Particles, t
             let world_m = Vector3::from(particle.position_m.map(f64::from)) + to_world.origin_m;
             let deformation = match last.take() {
                 Some((of, deformation)) if of == particle.deformation => deformation,
-                _ => Deformation::new(gaussians.sh_degree, Matrix3::from_row_slice(&particle.deformation.map(f64::from))),
+                _ => {
+                    Deformation::new(gaussians.sh_degree, Matrix3::from_row_slice(&particle.deformation.map(f64::from)))
+                }
             };
             let moved = Moved::new(gaussians, i as usize, world_m / to_world.meters_per_unit, &deformation);
             last = Some((particle.deformation, deformation));

@@ -160,7 +160,7 @@ fn find(gaussians: &Gaussians, core: &Core, progress: Progress) -> Option<Outlie
     let reaches_past_all = |&i: &usize| ends(gaussians, i).any(|end| around.distance(end) > REACH_MOST * size);
     let (far, near): (Vec<usize>, Vec<usize>) = suspects.into_iter().partition(reaches_past_all);
     let centers = Centers::of(gaussians, around, near.len());
-    let measured = measured(gaussians, &near, &centers, progress);
+    let measured = measured(gaussians, &near, &centers, size, progress);
     let unusual = measured.iter().filter(|one| one.excess > UNUSUAL_EXCESS).count();
     let is_crowd = (far.len() + unusual) as f64 > CROWD * gaussians.len() as f64;
     let is_outlier = |one: &&Reaching| {
@@ -187,8 +187,14 @@ fn suspects(gaussians: &Gaussians, size: f64, core: &Core) -> Vec<usize> {
     parallel::flat_map_range(gaussians.len(), |i| is_suspect(i).then_some(i))
 }
 
-/// The reach and the excess of the Gaussians at `indices`, in their order.
-fn measured(gaussians: &Gaussians, indices: &[usize], centers: &Centers, progress: Progress) -> Vec<Reaching> {
+/// The reach and the excess of those Gaussians at `indices` that may be outliers in a cloud of this `size`, in their order.
+fn measured(
+    gaussians: &Gaussians,
+    indices: &[usize],
+    centers: &Centers,
+    size: f64,
+    progress: Progress,
+) -> Vec<Reaching> {
     /// Steps of the bar.
     const TOGETHER: usize = 4096;
     if indices.len() >= MANY {
@@ -199,7 +205,7 @@ fn measured(gaussians: &Gaussians, indices: &[usize], centers: &Centers, progres
     }
     let bar = progress.bar("outliers", indices.len() as u64).with_message("Gaussians");
     let of_some = |some: &&[usize]| -> Vec<Reaching> {
-        let measured = some.iter().map(|&i| Reaching::of(gaussians, i, centers)).collect();
+        let measured = some.iter().filter_map(|&i| Reaching::if_doubtful(gaussians, i, centers, size)).collect();
         bar.inc(some.len() as u64);
         measured
     };
@@ -218,10 +224,20 @@ fn ends(gaussians: &Gaussians, i: usize) -> impl Iterator<Item = Point3<f64>> {
 
 impl Reaching {
     fn of(gaussians: &Gaussians, i: usize, centers: &Centers) -> Self {
+        Self::among(gaussians, i, &Neighbours::of(gaussians, i, centers), centers)
+    }
+
+    /// `None` if it is far from an outlier in a cloud of this `size`, which is much faster to tell.
+    fn if_doubtful(gaussians: &Gaussians, i: usize, centers: &Centers, size: f64) -> Option<Self> {
+        let around = Neighbours::of(gaussians, i, centers);
+        // The centre nearest to its own is no farther from any of its ends than this.
+        let most = ELLIPSOID_DEVIATIONS * gaussians.scale(i).max() + around.nearest;
+        let is_usual = most <= UNUSUAL_EXCESS * around.size && most <= REACH_MOST * size;
+        (!is_usual).then(|| Self::among(gaussians, i, &around, centers))
+    }
+
+    fn among(gaussians: &Gaussians, i: usize, around: &Neighbours, centers: &Centers) -> Self {
         let place = gaussians.positions[i];
-        let around = centers.near(place, NEIGHBOURS, place);
-        let size = ELLIPSOID_DEVIATIONS
-            * upper_median(around.map(|(_, j)| gaussians.scale(j).max()).collect()).unwrap_or_default();
         let distance = |end: Point3<f64>| match centers.around.distance(end) {
             far if far > FAR * centers.around.size() => far,
             _ => {
@@ -230,7 +246,25 @@ impl Reaching {
             }
         };
         let reach = ends(gaussians, i).map(distance).fold(0.0, f64::max);
-        Self { index: i, reach, excess: reach / size }
+        Self { index: i, reach, excess: reach / around.size }
+    }
+}
+
+/// What is around a Gaussian.
+struct Neighbours {
+    /// Distance of the nearest other centre, scene units.
+    nearest: f64,
+    /// The median of the largest semi-axes of the nearest Gaussians, scene units.
+    size: f64,
+}
+
+impl Neighbours {
+    fn of(gaussians: &Gaussians, i: usize, centers: &Centers) -> Self {
+        let place = gaussians.positions[i];
+        let (squared, largest): (Vec<f32>, Vec<f64>) =
+            centers.near(place, NEIGHBOURS, place).map(|(squared, j)| (squared, gaussians.scale(j).max())).unzip();
+        let nearest = squared.first().map_or(f64::INFINITY, |squared| f64::from(*squared).sqrt());
+        Self { nearest, size: ELLIPSOID_DEVIATIONS * upper_median(largest).unwrap_or_default() }
     }
 }
 
