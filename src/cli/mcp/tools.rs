@@ -72,6 +72,11 @@ pub fn all(pays: bool) -> Vec<Tool> {
         "license",
         "author",
         "wikidata",
+        "semantic-label",
+        "links",
+        "pad-geom",
+        "glb-look",
+        "mjcf-splats",
     ];
     let mut tools = vec![
         tool(
