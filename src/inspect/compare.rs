@@ -5,7 +5,7 @@ use image::{GrayImage, Rgb, RgbImage};
 use super::ViewFit;
 use crate::from_splat::foreground;
 use crate::render::{FOREGROUND_ALPHA, Render, RenderOptions, render};
-use crate::scene::{ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
+use crate::scene::{Flaw, ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
 use crate::words::progress::Progress;
 
 /// The least value of a pixel that is at least half covered by the object.
@@ -18,7 +18,8 @@ pub(super) const EQUAL_DB: f64 = 99.0;
 pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Result<Vec<ViewFit>, SceneError> {
     let cloud = scene.whole_cloud();
     let bar = progress.bar("inspect", views.len() as u64).with_message("views");
-    let fit = |view: &View| {
+    let flaws = scene.flaws(views)?;
+    let fit = |(view, flaw): (&View, &Option<Flaw>)| {
         let photo = as_the_splat_shows(scene, view.photo()?);
         let picture = render(&cloud, &view.camera, &RenderOptions::default());
         let all = covered(&picture);
@@ -33,6 +34,7 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
         let known = |iou: Option<f64>| knows_foreground.then_some(iou.unwrap_or(1.0));
         let fit = ViewFit {
             name: view.name.clone(),
+            flaw: *flaw,
             psnr_db: psnr_db(&photo.rgb, &picture),
             mask_iou: known(mask_iou(&photo.foreground, &object)),
             overlap: known(overlap(&photo.foreground, &object, &all)),
@@ -40,7 +42,7 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
         bar.inc(1);
         Ok(fit)
     };
-    let fits = views.iter().map(fit).collect();
+    let fits = views.iter().zip(&flaws).map(fit).collect();
     bar.finish_and_clear();
     fits
 }

@@ -32,7 +32,7 @@ use crate::files::write::{self, Folder};
 use crate::from_splat::{photo_with_foreground, render_views};
 use crate::gaussians::Gaussians;
 use crate::scene::{
-    self, Bounds, ForegroundSource, MeshCounts, ObjectSource, Options, Scene, SceneError, Up, View, robust_bounds,
+    self, Bounds, Flaw, ForegroundSource, MeshCounts, ObjectSource, Options, Scene, SceneError, Up, View, robust_bounds,
 };
 use crate::units::MetricScale;
 use crate::words::output::one_line;
@@ -122,6 +122,8 @@ pub struct ViewFit {
     /// Intersection over union of the photo's foreground and the area that the object's Gaussians cover; `None` if the
     /// photo has no foreground of its own.
     pub mask_iou: Option<f64>,
+    /// What is wrong with the photo; such a one is not chosen for segments and votes, except by `--view-list`.
+    pub flaw: Option<Flaw>,
     /// [`compare::overlap`], for the verdict.
     #[serde(skip)]
     overlap: Option<f64>,
@@ -232,7 +234,7 @@ fn inspect_and_draw(
     let views = if only_chosen || !options.view_list.is_empty() {
         scene.chosen_views(options)?
     } else {
-        scene.spread_views(MOST_VIEWS)?
+        scene.spread_views(MOST_VIEWS)
     };
     let fits = compare::compare(&scene, &views, progress)?;
     scene.warnings.extend(quaternions::warning(&scene, &views, &fits, options)?);

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{Doubtful, Inspection, ViewFit};
-use crate::scene::{ForegroundSource, ObjectSource, Up, UpSource, up};
+use crate::scene::{Flaw, ForegroundSource, ObjectSource, Up, UpSource, up};
 use crate::words::output::{counted, one_line};
 
 /// Maximum number of views listed one by one; the rest are summarised.
@@ -109,7 +109,8 @@ pub(super) fn foreground(source: ForegroundSource) -> &'static str {
 fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
     let numbers = |fit: &ViewFit| {
         let overlap = fit.mask_iou.map_or(String::new(), |iou| format!("   outlines overlap by {:.1} %", 100.0 * iou));
-        format!("{}: PSNR {:.2} dB{overlap}", fit.name, fit.psnr_db)
+        let flaw = fit.flaw.map_or(String::new(), |flaw| format!("   {}", flaw.in_words()));
+        format!("{}: PSNR {:.2} dB{overlap}{flaw}", fit.name, fit.psnr_db)
     };
     let mut lines: Vec<(String, String)> = Vec::new();
     for (index, fit) in fits.iter().take(LISTED_VIEWS).enumerate() {
@@ -117,6 +118,16 @@ fn views(fits: &[ViewFit]) -> Vec<(String, String)> {
     }
     if fits.len() > LISTED_VIEWS {
         lines.push((String::new(), format!("... and {} more (--json lists all)", fits.len() - LISTED_VIEWS)));
+    }
+    for flaw in [Flaw::Blurred, Flaw::OverExposed, Flaw::ShowsNothing] {
+        let such: Vec<&str> = fits.iter().filter(|fit| fit.flaw == Some(flaw)).map(|fit| fit.name.as_str()).collect();
+        if !such.is_empty() {
+            let count = counted(such.len(), "photo");
+            lines.push((
+                "left out".to_owned(),
+                format!("{}: {count}, not worked with: {}", flaw.in_words(), such.join(", ")),
+            ));
+        }
     }
     if !fits.is_empty() {
         let mut sorted: Vec<f64> = fits.iter().map(|fit| fit.psnr_db).collect();

@@ -51,6 +51,7 @@ pub use object::choice::{ObjectChoice, ObjectNumber};
 pub use object::photo_point::PhotoPoint;
 pub use of_mesh::{MeshCounts, SceneMesh};
 pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
+pub use photos::flaws::Flaw;
 pub use photos::mask_color::{MaskChoice, MaskColor};
 pub(crate) use photos::view_names::index_of;
 pub use photos::{ForegroundSource, Mask, Photo, Upright};

@@ -363,6 +363,81 @@ fn an_object_is_chosen_by_what_the_model_took_it_for() {
 }
 
 #[test]
+fn blurred_and_over_exposed_photos_are_named_and_not_worked_with() {
+    let table = Table::new();
+    let path_of = |n: usize| table.path().join(format!("images/{n:03}.png"));
+    let photo = |n: usize| image::open(path_of(n)).unwrap().into_rgb8();
+    image::imageops::blur(&photo(7), 3.0).save(path_of(7)).unwrap();
+    let mut bright = photo(9);
+    bright.pixels_mut().for_each(|pixel| pixel.0 = pixel.0.map(|channel| channel.saturating_mul(4)));
+    bright.save(path_of(9)).unwrap();
+    let (_, text, error) = table.run(&["inspect", "--object", "2", "--json"]);
+    let inspection: Value = serde_json::from_str(&text).unwrap_or_else(|_| panic!("{error}"));
+    let flaw = |n: usize| inspection["views"][n]["flaw"].as_str();
+    assert_eq!((flaw(7), flaw(9), flaw(6)), (Some("blurred"), Some("over_exposed"), None), "{text}");
+    let (_, text, _) = table.run(&["inspect", "--object", "2"]);
+    assert!(text.contains("over-exposed: 1 photo, not worked with: 009"), "{text}");
+    // Neither if there are more photos than are used, nor if all would be.
+    for count in ["5", "12"] {
+        let (code, _, error) = table.run(&["run", "--to", "scene", "--object", "2", "--views", count]);
+        assert_eq!(code, Some(0), "{error}");
+        let views = table.views_of("object_2");
+        let names: Vec<&str> =
+            views["views"].as_array().unwrap().iter().filter_map(|view| view["name"].as_str()).collect();
+        assert!(names.len() >= 5 && !names.contains(&"007") && !names.contains(&"009"), "{names:?}");
+    }
+    // The user's own choice counts.
+    let (code, _, error) = table.run(&["run", "--to", "scene", "--object", "2", "--view-list", "006,007"]);
+    assert!(code == Some(0) && table.views_of("object_2")["views"][1]["name"] == "007", "{error}");
+}
+
+/// On a second, lower table beside the first there stands another thing.
+#[test]
+fn of_two_tables_that_counts_which_the_cameras_look_at() {
+    let (mut blobs, mut thing_of) = things();
+    let lower = table_top(-0.4).into_iter().map(|blob| {
+        let [x, y, z] = blob.position;
+        Blob { position: [x + 2.6, y + 0.6, z - 0.35], ..blob }
+    });
+    let other = lower.chain(block([1.8, -0.2, -0.34], [2.0, 0.0, -0.1], [0.2, 0.9, 0.3]));
+    blobs.extend(other);
+    thing_of.resize(blobs.len(), NOTHING);
+    let table = Table::with((blobs, thing_of));
+    let found = StandingObjects::find(table.path(), &Options::default()).unwrap();
+    assert_eq!(found.object_of_gaussian, table.thing_of);
+}
+
+/// What moved while the photos were taken is a haze in the splat at all of its places.
+#[test]
+fn what_moved_is_no_object_and_spoils_none() {
+    let (mut blobs, mut thing_of) = things();
+    for x in [-0.2_f32, -0.1, 0.0] {
+        let haze = block([x, 0.5, 0.01], [x + 0.14, 0.64, 0.15], [0.3, 0.3, 0.3]);
+        blobs.extend(haze.into_iter().map(|blob| Blob { opacity: 0.12, ..blob }));
+    }
+    thing_of.resize(blobs.len(), NOTHING);
+    let table = Table::with((blobs, thing_of));
+    let found = StandingObjects::find(table.path(), &Options::default()).unwrap();
+    assert_eq!(found.count, 2);
+    let wrong = found.object_of_gaussian.iter().zip(&table.thing_of).filter(|(found, true_one)| found != true_one);
+    assert_eq!(wrong.count(), 0);
+}
+
+/// At the table's edge, which most photos cut off.
+#[test]
+fn what_most_photos_cut_off_is_found_all_the_same() {
+    let near_edge = block([0.7, -0.1, 0.01], [0.86, 0.1, 0.21], [0.2, 0.3, 0.8]);
+    let middle = block([-0.2, -0.3, 0.01], [0.2, -0.1, 0.21], [0.8, 0.3, 0.2]);
+    let table = Table::with(together([(BRICK, middle), (CUP, near_edge), (NOTHING, table_top(1.0))]));
+    let (code, text, error) = table.run(&["objects", "--json"]);
+    assert_eq!(code, Some(0), "{error}");
+    let found: Value = serde_json::from_str(&text).unwrap();
+    let objects = found["objects"].as_array().unwrap();
+    assert_eq!(objects.len(), 2, "{text}");
+    assert!(objects[1]["photos"].as_u64().unwrap() >= 3, "{text}");
+}
+
+#[test]
 fn masks_leave_nothing_to_tell_apart() {
     let table = Table::new();
     let masks = table.path().join("masks");

@@ -4,9 +4,7 @@ use std::num::NonZeroUsize;
 
 use nalgebra::{Point3, Vector3};
 
-use super::sharpness::sharpness;
-use crate::numeric::upper_median;
-use crate::parallel;
+use super::flaws::Flaw;
 use crate::scene::photos::view_names;
 use crate::scene::{Options, Scene, SceneError, View};
 
@@ -14,17 +12,13 @@ use crate::scene::{Options, Scene, SceneError, View};
 /// capture.
 const CANDIDATES_PER_VIEW: usize = 3;
 
-/// A photo with less than this share of the median sharpness is blurred: on a fixture, a Gaussian blur with a
-/// standard deviation of one pixel leaves a fifth of the sharpness, while sharp views differ by a twentieth.
-const LEAST_SHARPNESS: f64 = 0.5;
-
 /// A view whose coverage of the object is less than this share of the best view's cuts the object off.
 const LEAST_COVERAGE: f64 = 0.8;
 
 impl Scene {
     /// The views that `options` ask for, in the order of the camera file: those listed, or [`Options::views`] of them
-    /// spread over the directions from which the object is seen, leaving out those that are blurred or cut the object
-    /// off as long as there are enough others.
+    /// spread over the directions from which the object is seen, leaving out those with a [flaw](super::flaws::Flaw), and those that
+    /// cut the object off as long as there are enough others.
     ///
     /// # Errors
     /// [`SceneError::UnknownView`] if a listed name is not the name of a view; an error if a photo cannot be decoded.
@@ -40,39 +34,36 @@ impl Scene {
     }
 
     /// `count` views spread over all directions, or all views if there are fewer.
-    ///
-    /// # Errors
-    /// If a photo cannot be decoded.
-    pub fn spread_views(&self, count: NonZeroUsize) -> Result<Vec<View>, SceneError> {
-        Ok(self.spread_indices(count.get())?.into_iter().map(|index| self.views[index].clone()).collect())
+    pub fn spread_views(&self, count: NonZeroUsize) -> Vec<View> {
+        let all: Vec<usize> = (0..self.views.len()).collect();
+        self.spread_among(&all, count.get()).into_iter().map(|index| self.views[index].clone()).collect()
     }
 
     fn spread_indices(&self, count: usize) -> Result<Vec<usize>, SceneError> {
-        if self.views.len() <= count {
-            return Ok((0..self.views.len()).collect());
-        }
-        let center = self.object_bounds().center();
-        let direction = |index: &usize| direction(&self.views[*index], center);
-        let spread_among = |indices: &[usize], count: usize| -> Vec<usize> {
-            let directions: Vec<_> = indices.iter().map(direction).collect();
-            let mut chosen: Vec<usize> = spread(&directions, count).into_iter().map(|at| indices[at]).collect();
-            chosen.sort_unstable();
-            chosen
+        let candidates = if self.views.len() <= count {
+            (0..self.views.len()).collect()
+        } else {
+            let covering = best(&self.coverages(&self.views), LEAST_COVERAGE, count);
+            self.spread_among(&covering, CANDIDATES_PER_VIEW * count)
         };
-        let covering =
-            best(&self.coverages(), LEAST_COVERAGE, count, |values| values.iter().copied().fold(0.0, f64::max));
-        let candidates = spread_among(&covering, CANDIDATES_PER_VIEW * count);
-        let photo_of = |index: &usize| self.views[*index].photo();
-        let sharpness_of = |index| photo_of(index).map(|photo| sharpness(&photo).unwrap_or(0.0));
-        let measured = parallel::try_map(&candidates, sharpness_of)?;
-        let usual = |values: &[f64]| upper_median(values.to_vec()).unwrap_or_default();
-        let sharp = best(&measured, LEAST_SHARPNESS, count, usual);
-        let sharp: Vec<usize> = sharp.into_iter().map(|at| candidates[at]).collect();
-        Ok(spread_among(&sharp, count))
+        let views: Vec<View> = candidates.iter().map(|index| self.views[*index].clone()).collect();
+        let flaws = self.flaws(&views)?;
+        let is_sound = |(index, flaw): (&usize, &Option<Flaw>)| flaw.is_none().then_some(*index);
+        let sound: Vec<usize> = candidates.iter().zip(&flaws).filter_map(is_sound).collect();
+        Ok(self.spread_among(if sound.is_empty() { &candidates } else { &sound }, count))
+    }
+
+    /// `count` of the views at these indices, spread over the directions from which the object is seen.
+    fn spread_among(&self, indices: &[usize], count: usize) -> Vec<usize> {
+        let center = self.object_bounds().center();
+        let directions: Vec<_> = indices.iter().map(|index| direction(&self.views[*index], center)).collect();
+        let mut chosen: Vec<usize> = spread(&directions, count).into_iter().map(|at| indices[at]).collect();
+        chosen.sort_unstable();
+        chosen
     }
 
     /// For each view, the share of the object's Gaussians whose centres it shows.
-    fn coverages(&self) -> Vec<f64> {
+    pub(super) fn coverages(&self, views: &[View]) -> Vec<f64> {
         /// A thousand points give shares to within a percent or two.
         const SAMPLES: usize = 1000;
         let step = (self.gaussians.len() / SAMPLES).max(1);
@@ -85,13 +76,13 @@ impl Scene {
             pixel.is_some_and(|p| (0.0..width).contains(&p.x) && (0.0..height).contains(&p.y))
         };
         let share = |view: &View| centers.iter().filter(|center| shows(view, center)).count() as f64;
-        self.views.iter().map(|view| share(view) / centers.len().max(1) as f64).collect()
+        views.iter().map(|view| share(view) / centers.len().max(1) as f64).collect()
     }
 }
 
-/// Indices, in order, of the values that reach `share` of what `usual` returns; of the `count` largest if fewer do.
-fn best(values: &[f64], share: f64, count: usize, usual: impl Fn(&[f64]) -> f64) -> Vec<usize> {
-    let least = share * usual(values);
+/// Indices, in order, of the values that reach `share` of the largest; of the `count` largest if fewer do.
+fn best(values: &[f64], share: f64, count: usize) -> Vec<usize> {
+    let least = share * values.iter().copied().fold(0.0, f64::max);
     let good: Vec<usize> = (0..values.len()).filter(|i| values[*i] >= least).collect();
     if good.len() >= count {
         return good;

@@ -2,6 +2,7 @@
 
 pub(super) mod choose;
 pub(super) mod find;
+pub(super) mod flaws;
 mod listing;
 mod look_up;
 mod mask;
