@@ -10,6 +10,9 @@ use nalgebra::{DMatrix, Rotation3, Vector3};
 
 use super::sh_basis;
 
+/// Number of functions of the highest band.
+const MOST: usize = 7;
+
 /// The sampling of one band.
 struct Band {
     degree: usize,
@@ -75,7 +78,7 @@ impl ShRotation {
             for (degree, matrix) in (1..).zip(&self.bands) {
                 let count = 2 * degree + 1;
                 let (band, further) = rest.split_at_mut(count);
-                let mut old = [0.0; 7];
+                let mut old = [0.0; MOST];
                 old[..count].copy_from_slice(band);
                 for (new, row) in band.iter_mut().zip(matrix.chunks_exact(count)) {
                     *new = row.iter().zip(old).map(|(factor, value)| factor * f64::from(value)).sum::<f64>() as f32;

@@ -80,7 +80,7 @@ impl Commands {
         if arguments.get("answers").and_then(Value::as_str) != Some(tools::PAID) {
             return Ok(outcome(self.run(&words, &[], call)));
         }
-        if words.is_container {
+        if words.is_robot_file {
             let why = "a model is asked about single objects and captures; run the links of a URDF or MJCF one by one";
             return Err(Refused::params(why));
         }

@@ -24,7 +24,7 @@ pub struct Words {
     /// Paths without links, inside the roots; or a name.
     positionals: Vec<OsString>,
     /// Whether it is about a URDF or MJCF.
-    pub is_container: bool,
+    pub is_robot_file: bool,
 }
 
 impl Words {
@@ -74,9 +74,9 @@ impl Words {
         if takes_answers && !arguments.get("answers").is_some_and(Value::is_string) {
             flags.push("--answers=replay".into());
         }
-        let is_container = on == Some(On::Scene) && paths.first().is_some_and(|path| is_robot(path));
+        let is_robot_file = on == Some(On::Scene) && paths.first().is_some_and(|path| is_robot(path));
         let positionals = paths.into_iter().map(PathBuf::into_os_string).chain(names).collect();
-        Ok(Self { command, flags, positionals, is_container })
+        Ok(Self { command, flags, positionals, is_robot_file })
     }
 
     /// The command line, with more flags.
@@ -87,7 +87,7 @@ impl Words {
     /// The same with another command.
     pub fn with_command(&self, command: &str) -> Self {
         let (flags, positionals) = (self.flags.clone(), self.positionals.clone());
-        Self { command: vec![command.into()], flags, positionals, is_container: self.is_container }
+        Self { command: vec![command.into()], flags, positionals, is_robot_file: self.is_robot_file }
     }
 }
 

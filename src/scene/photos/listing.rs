@@ -19,6 +19,8 @@ const DECODED: [&str; 7] = ["png", "jpg", "jpeg", "webp", "tif", "tiff", "bmp"];
 /// Endings of pictures from which photos that can be decoded are usually converted.
 const CONVERTED: [&str; 14] =
     ["heic", "heif", "avif", "dng", "arw", "cr2", "cr3", "nef", "raf", "orf", "rw2", "exr", "tga", "gif"];
+/// Folders of truth to compare results with. Its pictures are often called like the photos.
+const TRUTH: &str = "ground_truth";
 /// Marks of a mask's name, after or before that of its photo.
 const MASK_SUFFIXES: [&str; 4] = ["_mask", "-mask", ".mask", "_masks"];
 const MASK_PREFIXES: [&str; 2] = ["mask_", "mask-"];
@@ -40,8 +42,8 @@ pub(super) struct Listing {
 }
 
 impl Listing {
-    /// Lists `folder` without following links to folders. Left out are hidden files and folders, folders of masks and gprop's
-    /// own results.
+    /// Lists `folder` without following links to folders. Left out are hidden files and folders, folders of masks or of truth,
+    /// and gprop's own results.
     pub fn of(folder: &Path) -> Self {
         let mut files = Vec::new();
         let mut open = vec![(folder.to_owned(), String::new(), 0)];
@@ -53,7 +55,8 @@ impl Listing {
                 }
                 let path = format!("{prefix}{name}");
                 if kind.is_dir() {
-                    if depth < DEEPEST && !is_mask_folder(&name) && !is_work_folder(&entry.path()) {
+                    let is_other = name == TRUTH || is_mask_folder(&name) || is_work_folder(&entry.path());
+                    if depth < DEEPEST && !is_other {
                         open.push((entry.path(), format!("{path}/"), depth + 1));
                     }
                 } else if is_picture(&name) {
@@ -199,6 +202,16 @@ mod tests {
         for (one, other) in [("000.jpg", "0000.jpg"), ("a/000.jpg", "b/000.jpg"), ("000.v2.png", "000.v3.png")] {
             assert_ne!(key(one), key(other), "{one} {other}");
         }
+    }
+
+    #[test]
+    fn pictures_of_the_truth_are_no_photos() {
+        let folder = tempfile::tempdir().unwrap();
+        for file in ["images/000.png", "ground_truth/part_maps/000.png"] {
+            fs::create_dir_all(folder.path().join(file).parent().unwrap()).unwrap();
+            fs::write(folder.path().join(file), "").unwrap();
+        }
+        assert_eq!(Listing::of(folder.path()).files(), ["images/000.png"]);
     }
 
     #[test]

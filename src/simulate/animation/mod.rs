@@ -178,7 +178,7 @@ impl<'a> Shooting<'a> {
             let moments = shown.map(|index| motion.at(self.frame_at(index))).collect::<Result<Vec<_>, E>>()?;
             let draw = |n: usize| self.picture(first + n, &moments[n], ground.as_ref());
             let (taken, next) = parallel::join(
-                || drawn.drain(..).try_for_each(|picture| take(picture)),
+                || drawn.drain(..).try_for_each(&mut *take),
                 || parallel::map_range(moments.len(), draw),
             );
             taken?;
