@@ -13,6 +13,8 @@ use crate::parallel;
 
 /// Seeds, spread evenly over the points.
 const SEEDS: usize = 2000;
+/// Of more points, evenly chosen ones are enough: a fingertip touches hundreds of so many. Their work grows with the square of their number.
+const MOST_POINTS: usize = 100_000;
 /// If a part is thinner than this, its two sides cannot be distinguished from the noise of one, m.
 const THINNEST_M: f64 = 0.002;
 
@@ -73,7 +75,9 @@ impl Place {
 
 /// All antipodal pairs that the seeds find, of any width. `friction` is by label; `contact_radius_m` is the finger's.
 pub fn places(surface: &Surface, place: Where, friction: &[f64], contact_radius_m: f64) -> Vec<Place> {
-    let smooth = smoothed(&surface.points, contact_radius_m);
+    let step = surface.points.len().div_ceil(MOST_POINTS).max(1);
+    let points: Vec<SurfacePoint> = surface.points.iter().step_by(step).copied().collect();
+    let smooth = smoothed(&points, contact_radius_m);
     let wanted = |p: &&SurfacePoint| match place {
         Where::Part(part) => p.part == part,
         Where::Anywhere | Where::Near(_) => true,
