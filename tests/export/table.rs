@@ -251,7 +251,9 @@ fn the_weight_of_one_object_gives_the_scale_of_all() {
     assert_eq!((&parts("object_1")["meters_per_unit"], &parts("object_1")["known_mass"]), (&Value::Null, &Value::Null));
     assert_eq!(parts("object_2")["known_mass"]["reading_kg"], 1.6);
     // What names no object, or none that is there.
-    for (given, message) in [("3=1kg", "object_3"), ("mug=1kg", "number or name"), ("1kg", "--known-mass 2=1")] {
+    for (given, message) in
+        [("3=1kg", "object_3"), ("mug=1kg", "no object is called \"mug\""), ("1kg", "--known-mass 2=1")]
+    {
         let (code, _, error) = run(&["--known-mass", given]);
         assert!(code.is_some_and(|code| code != 0) && error.contains(message), "{given}: {error}");
     }
