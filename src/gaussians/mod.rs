@@ -11,6 +11,11 @@ pub const SH_C0: f32 = 0.282_094_79;
 /// ellipsoid with the same covariance.
 pub const ELLIPSOID_DEVIATIONS: f64 = 2.236_067_977_499_79;
 
+/// A rotation in the form in which [`Gaussians::rotations`] stores it.
+pub fn wxyz(rotation: &UnitQuaternion<f64>) -> [f32; 4] {
+    [rotation.w, rotation.i, rotation.j, rotation.k].map(|part| part as f32)
+}
+
 /// A cloud of 3D Gaussians. The arrays hold the values of the PLY: log scale, logit opacity, unnormalised quaternion (w
 /// x y z), spherical harmonics channel-major. Use the accessors for the physical values.
 #[derive(Debug, Clone, Default, PartialEq)]

@@ -9,7 +9,7 @@ use super::candidates::Candidate;
 use super::fingers::{FINGER_LENGTH_M, FINGER_THICKNESS_M, OrientedBox, PALM_M, hand};
 use super::{GraspReport, Limit};
 use crate::camera::{Camera, Distortion, Intrinsics};
-use crate::gaussians::{Gaussians, SH_C0};
+use crate::gaussians::{Gaussians, SH_C0, wxyz};
 use crate::lettering::Style;
 use crate::pictures::panels::{Entry, Key, Panel, compose};
 use crate::pictures::{palette, strokes};
@@ -305,8 +305,7 @@ fn faces(shape: &OrientedBox, spacing: f64, color: [f32; 3], sh_degree: u8, mete
                     + offset_along(j, counts[1], v);
                 gaussians.positions.push((place / meters_per_unit).coords.map(|c| c as f32).into());
                 gaussians.log_scales.push([log(0.7 * spacing), log(0.7 * spacing), log(0.1 * spacing)]);
-                let q = turn.quaternion();
-                gaussians.rotations.push([q.w, q.i, q.j, q.k].map(|c| c as f32));
+                gaussians.rotations.push(wxyz(&turn));
                 gaussians.opacity_logits.push(LOGIT);
                 gaussians.sh_dc.push(color.map(|c| (c * light as f32 - 0.5) / SH_C0));
             }

@@ -9,11 +9,13 @@ use nalgebra::{Point3, Vector3};
 
 use super::cells::Cells;
 use super::surface::{Surface, SurfacePoint};
+use crate::numeric::evenly;
 use crate::parallel;
 
 /// Seeds, spread evenly over the points.
 const SEEDS: usize = 2000;
-/// Of more points, evenly chosen ones are enough: a fingertip touches hundreds of so many. Their work grows with the square of their number.
+/// Most points that are looked at, evenly chosen: a fingertip touches hundreds of so many, and the work grows with the square
+/// of their number.
 const MOST_POINTS: usize = 100_000;
 /// If a part is thinner than this, its two sides cannot be distinguished from the noise of one, m.
 const THINNEST_M: f64 = 0.002;
@@ -75,8 +77,7 @@ impl Place {
 
 /// All antipodal pairs that the seeds find, of any width. `friction` is by label; `contact_radius_m` is the finger's.
 pub fn places(surface: &Surface, place: Where, friction: &[f64], contact_radius_m: f64) -> Vec<Place> {
-    let step = surface.points.len().div_ceil(MOST_POINTS).max(1);
-    let points: Vec<SurfacePoint> = surface.points.iter().step_by(step).copied().collect();
+    let points: Vec<SurfacePoint> = evenly(&surface.points, MOST_POINTS).copied().collect();
     let smooth = smoothed(&points, contact_radius_m);
     let wanted = |p: &&SurfacePoint| match place {
         Where::Part(part) => p.part == part,

@@ -10,7 +10,7 @@ use nalgebra::{Matrix3, Rotation3, SVD, UnitQuaternion, Vector3};
 
 use super::checkpoint::FrameSummary;
 use super::object::Particles;
-use crate::gaussians::Gaussians;
+use crate::gaussians::{Gaussians, wxyz};
 use crate::parallel;
 use crate::render::sh_rotation::ShRotation;
 use crate::scene::robust_bounds;
@@ -155,10 +155,6 @@ fn scale_and_rotation(axes: &Matrix3<f64>) -> ([f32; 3], [f32; 4]) {
     // A Gaussian pressed flat keeps a thickness whose logarithm is finite.
     let scales = svd.singular_values.map(|s| s.max(f64::from(f32::MIN_POSITIVE)).ln() as f32);
     (scales.into(), wxyz(&q))
-}
-
-fn wxyz(q: &UnitQuaternion<f64>) -> [f32; 4] {
-    [q.w, q.i, q.j, q.k].map(|x| x as f32)
 }
 
 /// The rotation R of F = R S; if F is inverted, the nearest proper rotation.

@@ -74,6 +74,7 @@ pub fn all(pays: bool) -> Vec<Tool> {
         "wikidata",
         "semantic-label",
         "links",
+        "deformable",
         "pad-geom",
         "glb-look",
         "mjcf-splats",

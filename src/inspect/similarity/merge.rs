@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 
-use crate::gaussians::Gaussians;
+use crate::gaussians::{Gaussians, wxyz};
 
 /// At most `most` Gaussians, each of which stands for neighbours: it has their mean place and colour, their common
 /// covariance, and their absorbing area, which is opacity times the two larger standard deviations. `cloud` itself if it
@@ -67,7 +67,7 @@ fn push(merged: &mut Gaussians, cloud: &Gaussians, group: &[usize]) {
         |values: &dyn Fn(usize) -> f32| members().map(|(i, share)| f64::from(values(i)) * share).sum::<f64>() as f32;
     merged.positions.push(center.map(|side| side as f32).into());
     merged.log_scales.push(deviations.map(|side| side.ln() as f32).into());
-    merged.rotations.push([turn.w, turn.i, turn.j, turn.k].map(|value| value as f32));
+    merged.rotations.push(wxyz(&turn));
     merged.opacity_logits.push((opacity / (1.0 - opacity)).ln() as f32);
     merged.sh_dc.push([0, 1, 2].map(|channel| mean(&|i| cloud.sh_dc[i][channel])));
     merged.sh_rest.extend((0..3 * cloud.sh_rest_per_channel()).map(|at| mean(&|i| cloud.sh_rest_of(i)[at])));

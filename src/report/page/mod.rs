@@ -2,8 +2,8 @@
 //!
 //! This module turns numbers into the texts and positions that the template shows, [`viewer`] into the data for the
 //! script. The template, the style and the script define the page; `splats.js.gz` is three.js and Spark
-//! (`scripts/build-viewer`), which the page of a capture with several objects shares through [`stage`]. Captions and names from outside are escaped by the template engine, in HTML and in the
-//! script's JSON.
+//! (`scripts/build-viewer`), which the page of a capture with several objects shares through [`stage`]. Captions and names
+//! from outside are escaped by the template engine, in HTML and in the script's JSON.
 
 mod object;
 pub mod stage;

@@ -3,7 +3,7 @@
 use nalgebra::{Similarity3, Translation3, UnitQuaternion};
 
 use super::Up;
-use crate::gaussians::Gaussians;
+use crate::gaussians::{Gaussians, wxyz};
 use crate::parallel;
 use crate::render::sh_rotation::ShRotation;
 use crate::scene::View;
@@ -27,7 +27,7 @@ pub(in crate::scene) fn gaussians(cloud: &mut Gaussians, turn: &UnitQuaternion<f
     let turned: Vec<([f32; 3], [f32; 4])> = parallel::map_range(cloud.len(), |i| {
         let own = turn * cloud.rotation(i);
         let position = (rotation * cloud.center(i)).map(|side| side as f32);
-        (position.into(), [own.w, own.i, own.j, own.k].map(|part| part as f32))
+        (position.into(), wxyz(&own))
     });
     (cloud.positions, cloud.rotations) = turned.into_iter().unzip();
     let (degree, count) = (cloud.sh_degree, 3 * cloud.sh_rest_per_channel());

@@ -12,7 +12,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::gaussians::Gaussians;
+use crate::gaussians::{Gaussians, wxyz};
 use crate::numeric;
 use crate::parallel;
 
@@ -106,7 +106,7 @@ fn between([from, to]: [&Gaussians; 2], simulated: &[bool], around: [Option<Poin
             (b, scales[1])
         };
         let q = turned * own;
-        ([q.w, q.i, q.j, q.k].map(|c| c as f32), scales)
+        (wxyz(&q), scales)
     };
     let (rotations, log_scales) = parallel::map_range(from.len(), shape).into_iter().unzip();
     Gaussians {
