@@ -9,8 +9,8 @@ where the previous one ended. Its CPU time is that of the process, less that of 
 scene, which is the stage `scene`). CPU time is measured because a busy machine changes it least. Answers come from a server in this script
 that gives the same answer for every segment at once, so a model's own time is not included.
 
-- views: 1 to 16, with SAM's segments;
-- gaussians: 10,000 to 300,000 with four views and SAM's segments: a random subset, or copies shifted by half a standard deviation;
+- views: 1 to 200, with SAM's segments; more than the fixture's 30 are copies of them;
+- gaussians: 10,000 to 1,000,000 with four views and SAM's segments: a random subset, or copies shifted by half a standard deviation;
   a twentieth of a second is simulated, all of it in substeps of the same length: the object deforms as a whole, softened to the same
   stiffness, and hits the ground after half of that time;
 - segments: 1 to 64 stripes of the object in each of four views, in place of SAM's segments.
@@ -43,8 +43,8 @@ PLOT = ROOT / "docs/growth.svg"
 GPROP = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")) / "release/gprop"
 COLUMNS = ["sweep", "value", "stage", "cpu_s", "peak_mb", "views", "gaussians", "segments", "questions", "parts"]
 SWEEPS = {
-    "views": [1, 2, 4, 8, 16],
-    "gaussians": [10_000, 30_000, 100_000, 300_000],
+    "views": [1, 4, 16, 64, 200],
+    "gaussians": [10_000, 30_000, 100_000, 300_000, 1_000_000],
     "segments": [1, 4, 16, 64],
 }
 VIEWS = 4
@@ -100,10 +100,17 @@ def apart(work, *given):
         sys.exit(f"{work.__name__} failed")
 
 
-def scene(folder):
-    """The fixture without its recordings."""
+def scene(folder, views=0):
+    """The fixture without its recordings, with copies of its views until there are `views`."""
     shutil.copytree(SCENE / "images", folder / "images")
-    shutil.copy(SCENE / "transforms.json", folder)
+    cameras = json.loads((SCENE / "transforms.json").read_text())
+    frames, originals = cameras["frames"], list(cameras["frames"])
+    for number in range(len(frames), views):
+        seen = originals[number % len(originals)]
+        copy = f"images/{number:03}.png"
+        shutil.copy(folder / seen["file_path"], folder / copy)
+        frames.append({**seen, "file_path": copy})
+    (folder / "transforms.json").write_text(json.dumps(cameras))
     shutil.copy(SCENE / "point_cloud.ply", folder)
     (folder / "gprop.toml").write_text('scale = "metric"\nlevel = "small"\nask = "segments"\n')
     return folder
@@ -190,7 +197,7 @@ def sweep_rows(sweep):
     try:
         if sweep == "views":
             for count in SWEEPS[sweep]:
-                folder = scene(home / str(count))
+                folder = scene(home / str(count), count)
                 yield from measure(sweep, count, folder, ["segment", "query", "vote", "parts"], ["--views", str(count)])
             return
         start = scene(home / "start")

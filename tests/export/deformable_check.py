@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-RESTS_S = 1.5
+RESTS_S = 0.3
 
 
 def volumes(points, elements):
