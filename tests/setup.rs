@@ -320,5 +320,5 @@ fn the_wheels_dependency_is_found_beside_the_program_and_only_as_published() {
 #[test]
 fn the_wheel_depends_on_the_pinned_onnxruntime() {
     let project = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("pyproject.toml")).unwrap();
-    assert!(project.contains(&format!("\"{}\"", ONNXRUNTIME_WHEEL.requirement)), "{project}");
+    assert!(project.contains(&format!("\"{};", ONNXRUNTIME_WHEEL.requirement)), "{project}");
 }

@@ -16,6 +16,9 @@ mod setup;
 // What loaded libraries may not do: connect, resolve names, write.
 #[cfg(target_os = "linux")]
 mod libraries;
+// Processors older than this one, emulated.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod processors;
 // SAM's masks against the reference generator; label maps.
 mod segment;
 // The material library.

@@ -1,5 +1,7 @@
 """Reading the work folder of a run into NumPy arrays. Nothing is computed here: the program does that."""
 
+from __future__ import annotations
+
 import base64
 import hashlib
 import importlib.metadata
@@ -184,7 +186,7 @@ class Result:
         return axes
 
 
-    def mesh(self) -> "Mesh":
+    def mesh(self) -> Mesh:
         """The closed surface of each part, as `gprop export --format glb` writes it.
 
         The program makes it, with the options of the last run. Raises ValueError if the work folder does not lie in its scene, and

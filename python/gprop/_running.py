@@ -16,13 +16,16 @@ import threading
 import typing
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, Optional, TypeVar
 
 from ._errors import KINDS, BugError, SceneWarning
 from ._options import AuditOptions, ExportOptions, MaterialsOptions, Options, Path, RunOptions
 from ._results import Result, load
 
-Progress = Callable[[str], object] | None
+if TYPE_CHECKING:
+    from typing import Unpack  # novermin: Python has it since 3.11
+
+Progress = Optional[Callable[[str], object]]
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 # How the program's lines on stderr begin.
@@ -62,7 +65,7 @@ def _hints(options: type) -> dict[str, Any]:
 
 
 @_takes(RunOptions)
-def run(scene: Path, *, progress: Progress = None, **options: Unpack[RunOptions]) -> Result:
+def run(scene: Path, *, progress: Progress = None, **options: "Unpack[RunOptions]") -> Result:
     """Runs a scene, as `gprop run` does, and returns the result. What earlier runs did is used again.
 
     `scene` is a folder with a splat, cameras and photos, or a mesh. `progress` is called with each line of progress, such as
@@ -76,7 +79,7 @@ def run(scene: Path, *, progress: Progress = None, **options: Unpack[RunOptions]
 
 
 @_takes(RunOptions)
-def run_all(scene: Path, *, progress: Progress = None, **options: Unpack[RunOptions]) -> dict[str, Result]:
+def run_all(scene: Path, *, progress: Progress = None, **options: "Unpack[RunOptions]") -> dict[str, Result]:
     """Runs each object of a capture that shows several, or each link of a URDF or MJCF, and returns the results by name.
 
     All else is as in `run`. If some objects fail, the others are run, and `BatchError` is raised.
@@ -89,7 +92,7 @@ def run_all(scene: Path, *, progress: Progress = None, **options: Unpack[RunOpti
 
 @_takes(ExportOptions)
 def export(
-    scene: Path, out: Path, *, progress: Progress = None, **options: Unpack[ExportOptions]
+    scene: Path, out: Path, *, progress: Progress = None, **options: "Unpack[ExportOptions]"
 ) -> list[pathlib.Path]:
     """Writes the result in the format of another program into the folder `out`, and returns the files.
 
@@ -102,7 +105,7 @@ def export(
 
 
 @_takes(AuditOptions)
-def audit(*paths: Path, **options: Unpack[AuditOptions]) -> dict[str, Any]:
+def audit(*paths: Path, **options: "Unpack[AuditOptions]") -> dict[str, Any]:
     """Checks what the URDF, MJCF, USD and glTF files in these files and folders claim, and returns the findings.
 
     `files` lists the files with their `links` and the `problems` of each; a finding is no error.
@@ -113,7 +116,7 @@ def audit(*paths: Path, **options: Unpack[AuditOptions]) -> dict[str, Any]:
 
 
 @_takes(MaterialsOptions)
-def materials(**options: Unpack[MaterialsOptions]) -> list[dict[str, Any]]:
+def materials(**options: "Unpack[MaterialsOptions]") -> list[dict[str, Any]]:
     """The materials of the library: name, family, density and Young's modulus as ranges [low, high].
 
     ``gprop.call("materials show", "oak")`` returns all properties of one.
@@ -169,7 +172,7 @@ _TRUE_OR_FALSE = {name for name, hint in _hints(RunOptions).items() if len(hint.
 def _program(arguments: list[str], progress: Progress) -> Any:
     """Runs the program and returns what it prints as JSON. To be called by the public functions, as warnings name their caller."""
     quiet = [] if progress else ["--quiet"]
-    # In a group of its own, an interrupt at the terminal reaches it once: from here. It has a pipe as stdin, which closes if this
+    # In a session of its own, an interrupt at the terminal reaches it once: from here. It has a pipe as stdin, which closes if this
     # process dies; a run ends then.
     process = subprocess.Popen(
         [_path(), *quiet, *arguments],
@@ -179,7 +182,7 @@ def _program(arguments: list[str], progress: Progress) -> Any:
         env=os.environ | {"NO_COLOR": "1"},
         encoding="utf-8",
         errors="replace",
-        process_group=0,
+        start_new_session=True,
     )
     printed: list[str] = []
     error: list[str] = []

@@ -23,9 +23,9 @@ Written by `GPROP_UPDATE_PYTHON=1 cargo test --profile quick --lib python` from 
 
 import os
 from collections.abc import Sequence
-from typing import Annotated, Literal, TypedDict
+from typing import Annotated, Literal, TypedDict, Union
 
-Path = str | os.PathLike[str]
+Path = Union[str, os.PathLike[str]]
 
 #: Of the files in a work folder.
 "#;
@@ -64,7 +64,7 @@ fn mark_of(option: &Arg) -> &'static str {
     if Kind::of(option) == Kind::Bool { ", \"true or false\"" } else { "" }
 }
 
-/// The type of a keyword argument.
+/// The type of a keyword argument, as Python 3.9 can read it, which has no `|`.
 fn type_of(option: &Arg) -> String {
     let one = match Kind::of(option) {
         Kind::Switch => return "bool".to_owned(),
@@ -77,9 +77,9 @@ fn type_of(option: &Arg) -> String {
         Kind::Int => "int".to_owned(),
         Kind::Path => "Path".to_owned(),
         Kind::Text => "str".to_owned(),
-        Kind::TextOrNumber => "str | float".to_owned(),
+        Kind::TextOrNumber => "Union[str, float]".to_owned(),
     };
-    if takes_several(option) { format!("{one} | Sequence[{one}]") } else { one }
+    if takes_several(option) { format!("Union[{one}, Sequence[{one}]]") } else { one }
 }
 
 /// The options of a command that are not in `known`.
