@@ -144,7 +144,7 @@ pub enum SceneError {
     NoObjectAt { given: PhotoPoint, size: [u32; 2], shown: Vec<String> },
     #[error(
         "there are no objects to tell apart: {0}; gprop tells them apart if photos without masks go all around the surface on \
-         which they stand"
+         which they stand. `gprop run SCENE --object-box XMIN,YMIN,ZMIN:XMAX,YMAX,ZMAX` takes what is in a box instead, as one object"
     )]
     NoSupport(&'static str),
     #[error("--object all is for `gprop run`; name one object here, as `gprop objects SCENE` numbers them")]

@@ -37,6 +37,7 @@ use crate::files;
 use crate::gaussians::Gaussians;
 use crate::render::{RenderOptions, render_labels};
 use crate::units::MetricScale;
+use crate::words::output::counted;
 use crate::words::progress::Progress;
 use cameras::align::{Align, Conversion};
 use cameras::{Registered, dataparser};
@@ -288,6 +289,17 @@ impl Options {
     }
 }
 
+/// Says that things were left out because they stand too far from what the cameras look at.
+fn left_aside(count: usize) -> Option<String> {
+    let what = counted(count, "more thing");
+    (count > 0).then(|| {
+        format!(
+            "{what} on the surface, far from what the cameras look at, left out; take photos that go around all of the things, or give \
+             --object-box"
+        )
+    })
+}
+
 /// In the place of the number of an object.
 const NO_OBJECT: u32 = 0;
 
@@ -336,7 +348,7 @@ impl StandingObjects {
             views,
             up: frame.up,
             support: support.ok_or(SceneError::NoSupport("no surface was found"))?.turned(&input_from_world),
-            warnings: found.warnings.into_iter().chain(frame.doubt).collect(),
+            warnings: found.warnings.into_iter().chain(frame.doubt).chain(left_aside(standing.aside)).collect(),
         })
     }
 

@@ -250,6 +250,110 @@ fn what_stands_on_the_table_is_found_whole_and_the_room_is_not() {
     assert_eq!(size, table.thing_of.iter().filter(|thing| **thing == CUP).count());
 }
 
+/// Rows of small blocks on a table, not quite equally high; under them, no photo shows the table. For each Gaussian, the number of its block.
+fn rows_of_blocks([columns, rows]: [u32; 2], spacing: f32, height: f32) -> (Vec<Blob>, Vec<u32>) {
+    const HALF: f32 = 0.02;
+    let (mut blobs, mut block_of) = (Vec::new(), Vec::new());
+    let mut corners = Vec::new();
+    for n in 0..columns * rows {
+        let [x, y] =
+            [(n % columns, columns), (n / columns, rows)].map(|(at, count)| at as f32 - 0.5 * (count - 1) as f32);
+        let [x, y] = [spacing * x, spacing * y];
+        let color = [0.2, 0.4, 0.9].map(|channel| channel * (0.5 + 0.5 * ((n * 7) % 11) as f32 / 10.0));
+        let floor = 0.01 + 0.001 * (n % 5) as f32;
+        let of_block = block([x - HALF, y - HALF, floor], [x + HALF, y + HALF, floor + height], color);
+        block_of.extend(std::iter::repeat_n(n + 1, of_block.len()));
+        blobs.extend(of_block);
+        corners.push([x, y]);
+    }
+    let is_under =
+        |[x, y, _]: [f32; 3]| corners.iter().any(|at| (x - at[0]).abs() <= HALF && (y - at[1]).abs() <= HALF);
+    let table: Vec<Blob> = table_top(1.0).into_iter().filter(|blob| !is_under(blob.position)).collect();
+    block_of.extend(std::iter::repeat_n(NOTHING, table.len()));
+    blobs.extend(table);
+    (blobs, block_of)
+}
+
+/// There are several times as many Gaussians on the blocks as on the table.
+#[test]
+fn two_hundred_things_are_found_each_by_itself() {
+    let table = Table::with(rows_of_blocks([14, 15], 0.1, 0.06));
+    let found = StandingObjects::find(table.path(), &Options::default()).unwrap();
+    assert_eq!((found.count, &found.warnings), (210, &Vec::new()));
+    assert_eq!(found.object_of_gaussian, table.thing_of);
+    let normal = table.turn * Vector3::z();
+    assert!(Vector3::from(found.support.normal).angle(&normal) < 0.003, "{:?}", found.support);
+    let (code, text, error) = table.run(&["objects"]);
+    assert!(code == Some(0) && text.contains(": 210 objects\n") && text.contains("object_210 "), "{text}{error}");
+    let list: Value = serde_json::from_slice(&std::fs::read(table.path().join("gprop/objects.json")).unwrap()).unwrap();
+    assert!(list["objects"].as_array().unwrap().iter().all(|object| object["photos"].as_u64() > Some(0)), "{list}");
+    let page = std::fs::metadata(table.path().join("gprop/index.html")).unwrap().len();
+    assert!(page < 10 << 20, "{page} bytes");
+}
+
+#[test]
+fn things_in_rows_of_any_height_and_distance_are_found() {
+    for (spacing, height) in [(0.19, 0.06), (0.13, 0.06), (0.13, 0.04), (0.09, 0.1), (0.19, 0.14)] {
+        let table = Table::with(rows_of_blocks([9, 9], spacing, height));
+        let found = StandingObjects::find(table.path(), &Options::default()).unwrap();
+        assert_eq!(found.object_of_gaussian, table.thing_of, "{spacing} apart, {height} high: {} found", found.count);
+    }
+}
+
+#[test]
+fn what_stands_too_far_from_what_the_cameras_look_at_is_counted() {
+    let (mut blobs, mut thing_of) = rows_of_blocks([2, 1], 0.2, 0.06);
+    let far: Vec<Blob> =
+        table_top(1.6).into_iter().filter(|blob| blob.position[0] > 1.0 || blob.position[1] > 1.0).collect();
+    let aside = block([1.35, -0.2, 0.01], [1.41, -0.14, 0.07], [0.9, 0.2, 0.2]);
+    thing_of.extend(std::iter::repeat_n(NOTHING, far.len() + aside.len()));
+    blobs.extend(far.into_iter().chain(aside));
+    let table = Table::with((blobs, thing_of));
+    let found = StandingObjects::find(table.path(), &Options::default()).unwrap();
+    assert_eq!(found.count, 2);
+    let warning =
+        found.warnings.iter().find(|warning| warning.starts_with("1 more thing on the surface")).expect("a warning");
+    assert!(warning.contains("left out") && warning.contains("--object-box"), "{warning}");
+}
+
+/// Two bricks of which nothing shows on what they stand.
+#[test]
+fn without_a_surface_no_objects_are_told_apart_and_the_message_says_what_to_do() {
+    let brick = |x: f32| block([x, -0.3, -0.2], [x + 0.24, 0.1, 0.3], [0.8, 0.3, 0.2]);
+    let table = Table::with(together([(BRICK, brick(-0.5)), (CUP, brick(0.2))]));
+    for words in [&["objects"][..], &["run", "--object", "all"]] {
+        let (code, _, error) = table.run(words);
+        assert_eq!(code, Some(3), "{words:?}: {error}");
+        for word in ["no objects to tell apart", "surface", "photos without masks go all around", "--object-box"] {
+            assert!(error.contains(word), "{words:?}: {error}");
+        }
+        assert!(!table.path().join("gprop/objects.json").exists());
+    }
+}
+
+#[test]
+fn a_splat_of_a_room_without_photos_or_cameras_ends_with_what_to_do() {
+    let table = Table::new();
+    std::fs::remove_file(table.path().join("transforms.json")).unwrap();
+    for words in [&["objects"][..], &["run"], &["run", "--object", "all"], &["run", "--object", "1"]] {
+        let (code, _, error) = table.run(words);
+        assert_eq!(code, Some(3), "{words:?}: {error}");
+        let folder = table.path().display().to_string();
+        for word in ["no cameras in", &folder, "transforms.json", "--cameras PATH", "--render-views N"] {
+            assert!(error.contains(word), "{words:?}: {error}");
+        }
+    }
+    let (code, _, error) = table.run(&["objects", "--render-views", "4"]);
+    assert!(code == Some(3) && error.contains("there are no photos") && error.contains("--object-box"), "{error}");
+    let (code, text, error) = table.run(&["inspect"]);
+    assert!(code == Some(0) && text.contains("Gaussians"), "{text}{error}");
+    // With cameras, but without photos.
+    let table = Table::new();
+    std::fs::remove_dir_all(table.path().join("images")).unwrap();
+    let (code, _, error) = table.run(&["objects"]);
+    assert!(code == Some(3) && error.contains("transforms.json") && error.contains("--render-views N"), "{error}");
+}
+
 /// Along two of its sides the table ends.
 #[test]
 fn what_the_cameras_look_at_may_stand_in_a_corner() {

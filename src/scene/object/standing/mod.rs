@@ -12,6 +12,7 @@
 //!
 //! Things that touch are one object. All lengths are fractions of the cameras' median distance from the focus.
 
+mod cells;
 mod foot;
 mod sunken;
 
@@ -19,6 +20,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{Matrix3x2, Point2, Point3, Vector2, Vector3};
 
+use self::cells::Cells;
 use self::foot::{Foot, Standpoint};
 use super::support::{Focus, LARGEST, LEAST_OPACITY_LOGIT, Plane, Scatter};
 use crate::gaussians::Gaussians;
@@ -48,6 +50,8 @@ const FEWEST_VOXELS: usize = 8;
 const LEAST_HEIGHT: f64 = 2.0;
 /// Side of a cell of the support, seen from above, in voxels: the Gaussians of a table are larger than those of things.
 const CELL: f64 = 2.0;
+/// Gaps of up to twice this many cells between Gaussians of the support are closed: those of a plain table lie far apart.
+const SUPPORT_GAP: usize = 1;
 /// Width, in cells, of the ring around an object in which the support shows.
 const RING: i64 = 2;
 /// Least share of that ring where the support shows: half of it does along a straight edge or wall.
@@ -78,6 +82,8 @@ pub(in crate::scene) struct Standing {
     pub object_of_gaussian: Vec<u32>,
     /// Number of objects. Those with more solid Gaussians come first.
     pub count: usize,
+    /// Number of things that would be objects if they were closer to what the cameras look at.
+    pub aside: usize,
 }
 
 /// A place relative to the support.
@@ -104,9 +110,7 @@ struct Surface {
 impl Surface {
     /// `None` if no Gaussians are near the plane.
     fn of(focus: &Focus, plane: &Plane) -> Option<Self> {
-        let normal = plane.normal;
-        let first = normal.cross(&Vector3::ith(normal.iamin(), 1.0)).normalize();
-        let axes = Matrix3x2::from_columns(&[first, normal.cross(&first)]);
+        let (normal, axes) = (plane.normal, plane.axes());
         let origin = focus.point - normal * plane.height(&focus.point);
         let Scatter { offset, spread } = focus.scatter(plane)?;
         let thickness = (SPREADS * spread).max(LEAST_THICKNESS);
@@ -128,8 +132,9 @@ struct Region<'a> {
     voxel: f64,
     /// The indices of its Gaussians that are no haze and no walls, with their places.
     places: BTreeMap<usize, Place>,
-    /// The cells in which the support shows.
-    support: BTreeSet<[i64; 2]>,
+    /// The cells in which the support shows, and those that they enclose: things that stand close together hide the support around
+    /// each other.
+    support: Cells,
 }
 
 /// Gaussians whose voxels touch.
@@ -141,13 +146,15 @@ struct Cluster {
 
 /// Finds what stands on the support; nothing if the support is not seen near the focus.
 pub(in crate::scene) fn find(gaussians: &Gaussians, focus: &Focus, support: &Plane) -> Standing {
-    let nothing = || Standing { object_of_gaussian: vec![0; gaussians.len()], count: 0 };
+    let nothing = || Standing { object_of_gaussian: vec![0; gaussians.len()], count: 0, aside: 0 };
     let Some(region) = Region::around(gaussians, focus, support) else { return nothing() };
-    let (mut standing, others): (Vec<Cluster>, Vec<Cluster>) =
+    let (standing, others): (Vec<Cluster>, Vec<Cluster>) =
         region.clusters().into_iter().partition(|cluster| region.stands_on(cluster));
+    let (mut standing, aside): (Vec<Cluster>, Vec<Cluster>) =
+        standing.into_iter().partition(|cluster| region.middle(cluster).norm() < MIDDLE_WITHIN);
     standing.sort_by(|a, b| b.indices.len().cmp(&a.indices.len()).then(a.indices[0].cmp(&b.indices[0])));
     region.join_hovering(&mut standing, others);
-    let mut found = Standing { count: standing.len(), ..nothing() };
+    let mut found = Standing { count: standing.len(), aside: aside.len(), ..nothing() };
     for (number, cluster) in (1..).zip(&standing) {
         cluster.indices.iter().for_each(|i| found.object_of_gaussian[*i] = number);
     }
@@ -165,12 +172,15 @@ impl<'a> Region<'a> {
         };
         let details = (0..gaussians.len()).filter(is_detail);
         let places: BTreeMap<usize, Place> = details.map(|i| (i, surface.place(&gaussians.center(i)))).collect();
-        let mut region = Self { gaussians, surface, voxel: LEAST_VOXEL, places, support: BTreeSet::new() };
+        let mut region =
+            Self { gaussians, surface, voxel: LEAST_VOXEL, places, support: Cells::new(&BTreeSet::new(), 0) };
         let above = region.places.iter().filter(|(i, place)| region.is_solid(**i) && region.is_above(place));
         let sizes = above.map(|(i, _)| DEVIATIONS_PER_VOXEL * gaussians.scale(*i).max() / focus.unit).collect();
         region.voxel = median(sizes).unwrap_or(0.0).clamp(LEAST_VOXEL, MOST_VOXEL);
         let on_surface = region.places.values().filter(|place| place.height.abs() <= region.surface.thickness);
-        region.support = on_surface.map(|place| region.cell(place)).collect();
+        let shown: BTreeSet<[i64; 2]> = on_surface.map(|place| region.cell(place)).collect();
+        region.support = Cells::new(&shown, SUPPORT_GAP);
+        region.support.close(SUPPORT_GAP);
         Some(region)
     }
 
@@ -223,21 +233,26 @@ impl<'a> Region<'a> {
         let places = || cluster.indices.iter().map(|i| &self.places[i]);
         let heights = places().map(|place| place.height);
         let (low, high) = heights.fold((f64::INFINITY, 0.0_f64), |(low, high), at| (low.min(at), high.max(at)));
-        let middle = places().map(|place| place.along.coords).sum::<Vector2<f64>>() / cluster.indices.len() as f64;
+        let middle = self.middle(cluster);
         let leaves = places().any(|place| place.along.coords.norm() > REACH - self.voxel);
         high > LEAST_HEIGHT * self.surface.thickness
             && low < self.surface.thickness + self.voxel
-            && middle.norm() < MIDDLE_WITHIN
             && !leaves
             && self.surrounded(cluster)
                 >= if middle.norm() < IN_MIDDLE { LEAST_SURROUNDED_IN_MIDDLE } else { LEAST_SURROUNDED }
             && (high > MOST_WRINKLE * self.surface.thickness || self.is_of_other_colors(cluster))
     }
 
+    /// The mean place of a cluster along the surface, as seen from the focus.
+    fn middle(&self, cluster: &Cluster) -> Vector2<f64> {
+        let places = cluster.indices.iter().map(|i| self.places[i].along.coords);
+        places.sum::<Vector2<f64>>() / cluster.indices.len() as f64
+    }
+
     /// The share of the ring around a cluster's outline, seen from above, in which the support shows.
     fn surrounded(&self, cluster: &Cluster) -> f64 {
         let ring = self.ring(cluster, RING);
-        let shown = ring.iter().filter(|at| self.support.contains(*at)).count();
+        let shown = ring.iter().filter(|at| self.support.contains(**at)).count();
         shown as f64 / ring.len().max(1) as f64
     }
 
