@@ -76,7 +76,7 @@ fn bench(c: &mut Criterion) {
         let views = chosen.iter().zip(&segments);
         let views: Vec<SegmentedView> =
             views.map(|(view, segments)| SegmentedView { camera: &view.camera, cloud, segments }).collect();
-        find(cloud, &views, Progress::HIDDEN)
+        find(cloud, &[], &views, Progress::HIDDEN)
     };
     let mut group = c.benchmark_group("parts from ten views");
     group.sample_size(10);

@@ -5,6 +5,7 @@ use gprop::consensus::masks::{PartMasks, part_masks};
 use gprop::consensus::{Part, PartView, Parts, SegmentedView, best_views, find};
 use gprop::gaussians::Gaussians;
 use gprop::render::{RenderOptions, render_labels};
+use gprop::scene::Origin;
 use gprop::segment::{LabelMap, Level, Segment, ViewSegments};
 use gprop::words::progress::Progress;
 
@@ -91,9 +92,14 @@ fn plate_in_every_other_view(gaussians: &Gaussians, cameras: &[Camera], labels: 
 }
 
 fn found(gaussians: &Gaussians, cameras: &[Camera], segments: &[ViewSegments]) -> Parts {
+    found_in_mesh(gaussians, &[], cameras, segments)
+}
+
+/// Of a mesh whose Gaussians come from these places of its file.
+fn found_in_mesh(gaussians: &Gaussians, origins: &[Origin], cameras: &[Camera], segments: &[ViewSegments]) -> Parts {
     let views = cameras.iter().zip(segments);
     let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, cloud: gaussians, segments }).collect();
-    find(gaussians, &views, Progress::HIDDEN)
+    find(gaussians, origins, &views, Progress::HIDDEN)
 }
 
 fn parts(parts: &Parts) -> usize {
@@ -443,4 +449,57 @@ fn a_view_without_segments_and_views_that_share_nothing_do_no_harm() {
     // One view alone decides what it sees.
     let one = [flat(&cameras[0], seen(&gaussians, &cameras[0], &labels))];
     assert_eq!(parts(&found(&gaussians, &cameras[..1], &one)), 2);
+}
+
+/// The plate of a mesh is a shape of its own.
+fn plate_as_shape(labels: &[u32]) -> Vec<Origin> {
+    labels.iter().map(|&label| Origin { look: 0, shape: label, surface: label }).collect()
+}
+
+#[test]
+fn a_file_that_tells_nothing_apart_changes_nothing() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(8);
+    let segmented = plate_in_every_other_view(&gaussians, &cameras, &labels);
+    let whole = vec![Origin { look: 0, shape: 0, surface: 0 }; labels.len()];
+    // Surfaces without a common corner within one shape, and shapes with common corners, say nothing either.
+    let surfaces: Vec<Origin> = labels.iter().map(|&surface| Origin { look: 0, shape: 0, surface }).collect();
+    let shapes: Vec<Origin> = labels.iter().map(|&shape| Origin { look: 0, shape, surface: 0 }).collect();
+    let without = found(&gaussians, &cameras, &segmented);
+    for origins in [whole, surfaces, shapes] {
+        assert_eq!(found_in_mesh(&gaussians, &origins, &cameras, &segmented), without);
+    }
+}
+
+#[test]
+fn shapes_that_no_view_shows_are_no_parts() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(4);
+    let of_view = |camera: &Camera| {
+        let map = seen(&gaussians, camera, &labels).into_iter().map(|label| label.min(1)).collect();
+        flat(camera, map)
+    };
+    let segmented: Vec<ViewSegments> = cameras.iter().map(of_view).collect();
+    // A screw every few Gaussians, each with a material of its own.
+    let screw = |i: usize| Origin { look: i as u32 / 20, shape: i as u32 / 20, surface: i as u32 / 20 };
+    let screws: Vec<Origin> = (0..labels.len()).map(screw).collect();
+    assert!(screws.last().unwrap().shape > 100);
+    for origins in [screws, plate_as_shape(&labels)] {
+        let found = found_in_mesh(&gaussians, &origins, &cameras, &segmented);
+        assert_eq!(found.count(), 1, "{:?}", found.parts);
+    }
+}
+
+#[test]
+fn what_few_views_show_is_a_piece_if_the_file_tells_it_apart() {
+    let (gaussians, labels) = board_with_plate(0.1);
+    let cameras = cameras(4);
+    let of_view = |(n, camera): (usize, &Camera)| {
+        let map = seen(&gaussians, camera, &labels);
+        flat(camera, if n == 0 { map } else { map.into_iter().map(|label| label.min(1)).collect() })
+    };
+    let segmented: Vec<ViewSegments> = cameras.iter().enumerate().map(of_view).collect();
+    assert_eq!(found(&gaussians, &cameras, &segmented).parts.len(), 1);
+    let found = found_in_mesh(&gaussians, &plate_as_shape(&labels), &cameras, &segmented);
+    assert!(found.count() == 1 && found.parts.len() > 1, "{:?}", found.parts);
 }

@@ -6,8 +6,10 @@ use super::linkage::Border;
 use super::membership::{Membership, SEEN_LIGHT, Share};
 use super::neighbors::Pairs;
 use super::normals::Normals;
+use super::structure;
 use super::undersegmentation::Regions;
 use crate::parallel;
+use crate::scene::Origin;
 use crate::segment::ViewSegments;
 
 /// The evidence from all views about each pair.
@@ -41,6 +43,25 @@ impl Evidence {
                 sums.split += split;
                 sums.weight += light.sqrt();
                 sums.trusted += if regions.is_undersegmented_at(a, b) { split } else { light.sqrt() };
+            }
+        });
+    }
+
+    /// Adds what the file of a mesh says, as that of a view would be; `light` is the mean light of a Gaussian in the views that
+    /// see it. Pairs that no view sees are left out.
+    pub fn add_structure(&mut self, pairs: &Pairs, origins: &[Origin], light: impl Fn(usize) -> f32 + Sync) {
+        if origins.is_empty() {
+            return;
+        }
+        parallel::for_each_mut(&mut self.sums, |pair, sums| {
+            let (a, b) = pairs.pairs[pair];
+            let (a, b) = (a as usize, b as usize);
+            if sums.weight > 0.0 && structure::tells_apart(origins[a], origins[b]) {
+                // Never more than that share of what the views say: alone, it parts nothing.
+                let weight = structure::VIEWS * light(a).min(light(b)).sqrt().min(sums.weight);
+                sums.split += weight * structure::SPLIT;
+                sums.weight += weight;
+                sums.trusted += weight;
             }
         });
     }
@@ -91,6 +112,19 @@ fn difference(a: &[Share], of_a: f32, b: &[Share], of_b: f32, segments: &ViewSeg
 mod tests {
     use super::*;
     use crate::segment::{LabelMap, Level, Segment};
+
+    #[test]
+    fn what_the_file_tells_apart_counts_as_a_third_of_a_view() {
+        let pairs = Pairs { pairs: vec![(0, 1), (0, 2), (1, 2)], is_far: vec![false; 3] };
+        let seen = Sums { split: 0.0, weight: 2.0, trusted: 2.0 };
+        let mut evidence = Evidence { sums: vec![seen, Sums::default(), seen] };
+        let origin = |look| Origin { look, shape: 0, surface: 0 };
+        evidence.add_structure(&pairs, &[origin(0), origin(1), origin(1)], |_| 4.0);
+        let [apart, unseen, alike] = evidence.sums.try_into().unwrap();
+        let split = f64::from(apart.split / apart.weight);
+        assert!((split - 0.6 * 0.56 / 2.6).abs() < 1e-6 && apart.trusted == apart.weight, "{apart:?}");
+        assert_eq!([unseen.weight, alike.weight, alike.split], [0.0, 2.0, 0.0]);
+    }
 
     /// A Gaussian that is as large as the picture, in a map that a user brought with as many segments as a map can hold,
     /// each within the last.

@@ -6,7 +6,8 @@
 //! 2. [`neighbors`]: pairs of Gaussians, nearest neighbours and others a few Gaussians apart;
 //! 3. [`evidence`]: for every pair, how much the views that see both split it (the largest difference between the
 //!    shares of their light in a segment; views with more light weigh more), which of these views cannot tell
-//!    ([`undersegmentation`]), and the angle between the surface's normals ([`normals`]);
+//!    ([`undersegmentation`]), the angle between the surface's normals ([`normals`]), and what the file of a mesh says
+//!    ([`structure`]);
 //! 4. [`linkage`]: joins Gaussians into pieces that views do not split, by average linkage over all pairs that cross
 //!    their border, then pieces into parts across borders without an edge in the surface ([`normals`]) or on one smooth
 //!    surface ([`planes`]): a printed pattern is not a part. The pieces are kept, in case the part turns out to consist
@@ -28,6 +29,7 @@ mod normals;
 mod options;
 mod planes;
 pub mod sides;
+mod structure;
 mod undersegmentation;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -39,6 +41,7 @@ use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::numeric::nearest::Nearest;
 use crate::parallel;
+use crate::scene::Origin;
 use crate::segment::ViewSegments;
 use crate::words::progress::Progress;
 use evidence::Evidence;
@@ -140,12 +143,14 @@ impl Parts {
     }
 }
 
-/// Finds the parts. The result does not depend on the number of threads.
+/// Finds the parts. `origins` says where in its file a mesh's Gaussians come from, and is empty for a splat. The result does
+/// not depend on the number of threads.
 ///
 /// The whole object is one part if no view sees anything, or if none sees enough of any two Gaussians to compare them.
-pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) -> Parts {
+pub fn find(gaussians: &Gaussians, origins: &[Origin], views: &[SegmentedView], progress: Progress) -> Parts {
     let bar = progress.bar("parts", 2 * views.len() as u64);
     let mut light = vec![0.0f32; gaussians.len()];
+    let mut seen_by = vec![0u32; gaussians.len()];
     let mut toward_views = vec![Vector3::zeros(); gaussians.len()];
     let mut regions = Vec::with_capacity(views.len());
     for view in views {
@@ -153,6 +158,7 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
         let membership = Membership::new(gaussians.len(), view);
         for (i, seen) in membership.light().enumerate().filter(|(_, seen)| *seen > 0.0) {
             light[i] += seen;
+            seen_by[i] += 1;
             let toward = (eye - gaussians.center(i)).try_normalize(0.0).unwrap_or_default();
             toward_views[i] += toward.map(|value| value as f32) * seen;
         }
@@ -171,6 +177,7 @@ pub fn find(gaussians: &Gaussians, views: &[SegmentedView], progress: Progress) 
         bar.inc(1);
     }
     bar.finish_and_clear();
+    evidence.add_structure(&pairs, origins, |i| light[i] / seen_by[i] as f32);
     let borders = || evidence.borders(&pairs, &normals);
 
     let (core_of, cores) = compact(&linkage::contract(gaussians.len(), borders(), CORE_SPLIT), &seen);

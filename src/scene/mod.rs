@@ -50,7 +50,7 @@ pub use error::{SceneError, SplatProblem};
 pub use object::ObjectSource;
 pub use object::choice::{ObjectChoice, ObjectNumber};
 pub use object::photo_point::PhotoPoint;
-pub use of_mesh::{MeshCounts, SceneMesh};
+pub use of_mesh::{MeshCounts, Origin, SceneMesh};
 pub use options::{DEFAULT_VIEWS, ObjectBox, Options, SCENE_KEYS};
 pub use photos::flaws::Flaw;
 pub use photos::mask_color::{MaskChoice, MaskColor};
@@ -121,6 +121,11 @@ pub struct View {
 }
 
 impl Scene {
+    /// Where in its file each of a mesh's Gaussians comes from; empty for a splat.
+    pub fn origins(&self) -> Vec<Origin> {
+        self.mesh.as_ref().map_or_else(Vec::new, |mesh| mesh.origins(&self.gaussians.surface))
+    }
+
     /// The object's Gaussians, then those of its surroundings: all that the photos show.
     pub fn whole_cloud(&self) -> Cow<'_, Gaussians> {
         if self.surroundings.is_empty() {

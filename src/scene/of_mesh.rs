@@ -28,6 +28,17 @@ pub struct SceneMesh {
     pub triangle_of_gaussian: Vec<u32>,
 }
 
+/// Where in the file the surface under a Gaussian comes from, without any names. The numbers say only what is the same.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Origin {
+    /// The look of its material: [`Mesh::looks`].
+    pub look: u32,
+    /// The node's primitive, object, group or solid: [`mesh::Face::shape`].
+    pub shape: u32,
+    /// The connected surface, whose triangles share corners.
+    pub surface: u32,
+}
+
 /// Loads the mesh at `path` as a scene.
 pub(super) fn load(path: &Path, options: &Options) -> Result<Scene, SceneError> {
     refuse_options_of_photos(options)?;
@@ -136,6 +147,17 @@ impl SceneMesh {
     /// What the mesh consists of.
     pub fn counts(&self) -> MeshCounts {
         MeshCounts::of(&self.painted.mesh)
+    }
+
+    /// Where the surface under each of the scene's Gaussians comes from; `surface` has the connected surface of each.
+    pub fn origins(&self, surface: &[u32]) -> Vec<Origin> {
+        let mesh = &self.painted.mesh;
+        let looks = mesh.looks();
+        let origin = |(triangle, surface): (&u32, &u32)| {
+            let face = &mesh.faces[*triangle as usize];
+            Origin { look: looks[face.material as usize], shape: face.shape, surface: *surface }
+        };
+        self.triangle_of_gaussian.iter().zip(surface).map(origin).collect()
     }
 
     /// What its author called its materials and shapes, each name once, those of the largest surfaces first.

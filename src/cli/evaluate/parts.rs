@@ -66,7 +66,7 @@ impl TrueScene {
         let cloud = self.scene.whole_cloud();
         let views: Vec<SegmentedView> =
             views.map(|(view, segments)| SegmentedView { camera: &view.camera, cloud: &cloud, segments }).collect();
-        let parts = consensus::find(&self.scene.gaussians, &views, global.progress());
+        let parts = consensus::find(&self.scene.gaussians, &self.scene.origins(), &views, global.progress());
         let of_views = compare(&self.scene.name, &self.scene.gaussians, &parts.part_of_gaussian(), &self.truth);
         let truth_of = |name: &str| self.truth.iter().find(|view| view.name == name).map(|view| &view.parts);
         let maps: Vec<_> = found.iter().filter_map(|view| Some((&view.map, truth_of(&view.view)?))).collect();

@@ -65,7 +65,7 @@ impl Voters<'_> {
         let views: Vec<SegmentedView> = views
             .map(|(view, segments)| SegmentedView { camera: view.camera, cloud: self.gaussians, segments })
             .collect();
-        let parts = consensus::find(self.gaussians, &views, Progress::HIDDEN);
+        let parts = consensus::find(self.gaussians, &[], &views, Progress::HIDDEN);
         let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(&parts, view)).collect();
         let shows = |id: u16, asked: u16| id > 0 && (id == asked || parts.part_of(id) == asked);
         let subjects = self.subjects(&parts, &masks);

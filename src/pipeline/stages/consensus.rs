@@ -91,7 +91,8 @@ fn find(open: &OpenScene, segmentation: &Segmentation) -> Result<Found> {
     let cloud = open.scene.whole_cloud();
     let views: Vec<SegmentedView> =
         views.map(|(view, segments)| SegmentedView { camera: &view.camera, cloud: &cloud, segments }).collect();
-    let parts = consensus::find(gaussians, &views, open.progress());
+    let origins = open.scene.origins();
+    let parts = consensus::find(gaussians, &origins, &views, open.progress());
     let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(&parts, view)).collect();
     let sharpness = |view: &View| view.photo().map(|photo| consensus::sharpness(&photo.rgb));
     let sharpness = parallel::try_map(&open.views, sharpness)?;

@@ -25,6 +25,7 @@ mod sampled;
 mod stl;
 mod texture;
 
+use std::collections::HashMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -145,6 +146,20 @@ pub enum Alpha {
     CutBelow(f32),
     /// The surface is transparent to this degree.
     Blend,
+}
+
+impl Mesh {
+    /// For each material, a number that those of the same base colour and picture share: a file may repeat a material for each
+    /// of its shapes.
+    pub fn looks(&self) -> Vec<u32> {
+        let mut known = HashMap::new();
+        let look = |material: &Material| {
+            let picture = material.texture.map(|texture| &self.pictures[texture.picture as usize].source);
+            let next = known.len() as u32;
+            *known.entry((material.base_color.map(f32::to_bits), picture)).or_insert(next)
+        };
+        self.materials.iter().map(look).collect()
+    }
 }
 
 impl Default for Material {

@@ -22,7 +22,7 @@ pub struct Picture {
 }
 
 /// Where the bytes of a picture are.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub(super) enum Source {
     Bytes(Arc<[u8]>),
     File(PathBuf),
