@@ -7,7 +7,7 @@ use std::process::Output;
 use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::inspect::inspect;
 use gprop::render::triangles::{SAMPLES, Surface, SurfacePicture, draw};
-use gprop::scene::mesh::{GAUSSIANS, PaintedMesh, sample};
+use gprop::scene::mesh::{GAUSSIANS, Material, Mesh, PaintedMesh, sample};
 use gprop::scene::{self, Options};
 use gprop::words::progress::Progress;
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -206,4 +206,92 @@ fn the_unit_of_a_mesh_is_asked_for_or_doubted() {
     assert!(absurd.warnings[0].contains("in mm it would be"), "{:?}", absurd.warnings);
     assert!(load("0.001").warnings.is_empty());
     assert!(parse("a.obj", b"v 0 0 0\n").is_err());
+}
+
+#[test]
+fn what_a_file_tells_apart_is_known_of_each_gaussian() {
+    // Seams of the textures do not part the cup or the coaster.
+    let scene = scene::load(&cup(), &Options::default()).unwrap();
+    let origins = scene.origins();
+    assert_eq!(origins.len(), scene.gaussians.len());
+    let mut distinct: Vec<[u32; 3]> =
+        origins.iter().map(|origin| [origin.look, origin.shape, origin.surface]).collect();
+    distinct.sort_unstable();
+    distinct.dedup();
+    assert_eq!(distinct, [[0; 3], [1; 3]]);
+    let gray = |light: f32| Material { base_color: [light, light, light, 1.0], ..Material::default() };
+    let mesh = Mesh { materials: vec![gray(0.2), gray(0.8), gray(0.2)], ..Mesh::default() };
+    assert_eq!(mesh.looks(), [0, 1, 0]);
+}
+
+/// A box whose faces have two materials in two groups, with these names.
+fn named_box(folder: &Path, [material, group]: [&str; 2]) -> PathBuf {
+    let corners = (0..8)
+        .map(|n| format!("v {} {} {}\n", 0.2 * f64::from(n & 1), 0.1 * f64::from(n >> 1 & 1), 0.1 * f64::from(n >> 2)));
+    let corners: String = corners.collect();
+    let faces = "f 1 3 4 2\nf 5 6 8 7\nf 1 2 6 5\nf 3 7 8 4\n";
+    let text =
+        format!("mtllib box.mtl\n{corners}g {group}\nusemtl {material}\n{faces}usemtl plain\nf 1 5 7 3\nf 2 4 8 6\n");
+    fs::write(folder.join("box.mtl"), format!("newmtl {material}\nKd 0.1 0.1 0.1\nnewmtl plain\nKd 0.8 0.8 0.8\n"))
+        .unwrap();
+    fs::write(folder.join("box.obj"), text).unwrap();
+    folder.join("box.obj")
+}
+
+/// Every file below a folder, by its path in it.
+fn files_below(folder: &Path) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).unwrap() {
+        let path = entry.unwrap().path();
+        if path.is_dir() {
+            let below = files_below(&path).into_iter();
+            found.extend(below.map(|(inner, bytes)| (Path::new(path.file_name().unwrap()).join(inner), bytes)));
+        } else {
+            found.push((path.file_name().unwrap().into(), fs::read(&path).unwrap()));
+        }
+    }
+    found.sort();
+    found
+}
+
+#[test]
+fn what_an_author_called_things_reaches_nobody_unless_the_user_says_so() {
+    const NAMES: [&str; 2] = ["Leather_Black", "Cast_Iron_Anvil"];
+    let asked = |names: [&str; 2], flags: &[&str]| {
+        let folder = tempfile::tempdir().unwrap();
+        let mesh = named_box(folder.path(), names);
+        let (work, labels, export) = ("box.gprop", folder.path().join("labels"), folder.path().join("export"));
+        let run = |arguments: &[&str]| {
+            let run = gprop()
+                .args(&arguments[..1])
+                .arg(&mesh)
+                .args(&arguments[1..])
+                .args(["--scale", "1", "--views", "3"])
+                .output();
+            let run = run.unwrap();
+            assert!(run.status.success(), "{}", String::from_utf8_lossy(&run.stderr));
+            [run.stdout, run.stderr].concat()
+        };
+        let mut said = run(&["run", "--to", "scene"]);
+        fs::create_dir(&labels).unwrap();
+        for (name, bytes) in files_below(&folder.path().join(work).join("rendered")) {
+            let picture = image::load_from_memory(&bytes).unwrap().into_rgba8();
+            let covered = |x, y| image::Luma([u16::from(picture.get_pixel(x, y).0[3] > 127)]);
+            let map = image::ImageBuffer::from_fn(picture.width(), picture.height(), covered);
+            map.save(labels.join(name)).unwrap();
+        }
+        let (labels, exported) = (labels.to_str().unwrap(), export.to_str().unwrap());
+        said.extend(run(&[&["query", "--segments", labels, "--export", exported], flags].concat()));
+        let written = files_below(&folder.path().join(work)).into_iter().map(|(_, bytes)| bytes).chain([said]);
+        let shows = |name: &str| {
+            let has = |bytes: &Vec<u8>| bytes.windows(name.len()).any(|window| window == name.as_bytes());
+            written.clone().any(|bytes| has(&bytes)) || files_below(&export).iter().any(|(_, bytes)| has(bytes))
+        };
+        (NAMES.map(shows), files_below(&export))
+    };
+    let (shown, export) = asked(NAMES, &[]);
+    assert_eq!(shown, [false; 2]);
+    assert!(export.len() > 2, "{}", export.len());
+    assert!(asked(["Ash_Wood", "Cushion"], &[]).1 == export, "other names, other sheets or prompts");
+    assert_eq!(asked(NAMES, &["--hints", "names"]).0, [true; 2]);
 }
