@@ -13,7 +13,7 @@ use gprop::vote::{Contents, FieldPart, MaterialField};
 use serde_json::json;
 
 use super::clouds::label;
-use crate::scene::shapes::{cuboid, joined, reversed, revolved, sphere};
+use crate::scene::shapes::{cuboid, joined, moved, reversed, revolved, sphere};
 
 /// A scene unit of 0.5 m, so that a confusion of the two is noticed.
 const SCALE: MetricScale =
@@ -52,6 +52,15 @@ impl Sampled {
         let parts = result.metric().unwrap().clone();
         println!("{:?}: {:?} {:?}", self.measured.solid.kind, parts.object, parts.warnings);
         parts
+    }
+
+    /// If each of its surfaces is a part, in their order; `forms` per part, 1000 kg/m3.
+    fn by_surface(&self, forms: &[Form]) -> Parts {
+        let labels = (1..).zip(forms).map(|(id, form)| label(id, *form)).collect();
+        let options = Options { volume_cells: 200_000, ..Options::default() };
+        let field = MaterialField::known(labels, self.gaussians.surface.clone());
+        let result = parts_of_mesh(&self.gaussians, &field, &self.measured, Some(&SCALE), &options).unwrap();
+        result.metric().unwrap().clone()
     }
 
     /// If all of it is one part of 1000 kg/m3.
@@ -208,4 +217,49 @@ fn a_filling_is_weighed_if_the_mesh_has_the_outside_alone() {
     assert_weighs(weighed(&ball(1.0)).object.mass_kg, 4.0 / 3.0 * PI);
     let both = weighed(&joined(&[ball(1.0), reversed(ball(0.97))]));
     assert!(both.warnings.iter().any(|warning| warning.contains("is not weighed")), "{:?}", both.warnings);
+}
+
+/// The cross-section of a ring.
+fn ring(inner: f64, outer: f64, low: f64, high: f64) -> Triangles {
+    revolved(&[[inner, low], [outer, low], [outer, high], [inner, high], [inner, low]], 2 * AROUND)
+}
+
+fn cylinder(radius: f64, low: f64, high: f64) -> Triangles {
+    revolved(&[[0.0, low], [radius, low], [radius, high], [0.0, high]], 2 * AROUND)
+}
+
+/// The hammer and the mug of the fixtures as solids of revolution with the lengths, walls and volumes of their parts
+/// (`ground_truth/parts.json`), in units of 0.5 m: a handle through a head and into a grip; a cup under a lid, on a coaster.
+/// 0.1 mm lies between the parts.
+#[test]
+fn parts_inside_and_on_each_other_weigh_what_they_enclose() {
+    const GAP: f64 = 2e-4;
+    let solids = |parts: &[(Triangles, f64, Form)]| {
+        let mesh = joined(&parts.iter().map(|(mesh, ..)| mesh.clone()).collect::<Vec<_>>());
+        let found = Sampled::of(&mesh).by_surface(&parts.iter().map(|(.., form)| *form).collect::<Vec<_>>());
+        for (part, (_, units3, _)) in found.parts.iter().zip(parts) {
+            let expected = 1000.0 * units3 * SCALE.meters_per_unit.powi(3);
+            println!("{:+.1} % of {expected} kg", 100.0 * (part.mass_kg.unwrap().mid / expected - 1.0));
+            // Parts nearer to each other than a cell of the grid share the cells between them: the coaster has 6 % too little.
+            assert_weighs_within(part.mass_kg.unwrap(), *units3, 0.07);
+        }
+        assert_weighs(found.object.mass_kg, parts.iter().map(|(_, units3, _)| units3).sum());
+    };
+    let of_ring = |inner: f64, outer: f64, length: f64| PI * (outer * outer - inner * inner) * length;
+    let handle = 0.0228;
+    let (inner, head) = (handle + GAP, 0.0431);
+    let grip = ring(inner, inner + 0.0052, -0.41, -0.15);
+    solids(&[
+        (cylinder(handle, -0.41, 0.29), of_ring(0.0, handle, 0.7), Form::Solid),
+        (ring(inner, head, 0.2087, 0.2713), of_ring(inner, head, 0.0626), Form::Solid),
+        (grip, of_ring(inner, inner + 0.0052, 0.26), wall(0.0026)),
+    ]);
+    let cup = [[0.0, 0.0], [0.083, 0.0], [0.083, 0.184], [0.075, 0.184], [0.075, 0.008], [0.0, 0.008]];
+    let lid = [[0.0, -0.017], [0.0745, -0.017], [0.0745, GAP], [0.0893, GAP], [0.0893, 0.02], [0.0, 0.02]];
+    let of_lid = of_ring(0.0, 0.0745, 0.017 + GAP) + of_ring(0.0, 0.0893, 0.02 - GAP);
+    solids(&[
+        (revolved(&cup, 2 * AROUND), of_ring(0.0, 0.083, 0.184) - of_ring(0.0, 0.075, 0.176), wall(0.004)),
+        (moved(revolved(&lid, 2 * AROUND), [0.0, 0.0, 0.184]), of_lid, Form::Solid),
+        (cylinder(0.1047, -0.012 - GAP, -GAP), of_ring(0.0, 0.1047, 0.012), Form::Solid),
+    ]);
 }
