@@ -274,11 +274,12 @@ fn what_an_author_called_things_reaches_nobody_unless_the_user_says_so() {
         };
         let mut said = run(&["run", "--to", "scene"]);
         fs::create_dir(&labels).unwrap();
-        for (name, bytes) in files_below(&folder.path().join(work).join("rendered")) {
-            let picture = image::load_from_memory(&bytes).unwrap().into_rgba8();
+        let drawn = files_below(&folder.path().join(work).join("rendered"));
+        for (path, bytes) in drawn.iter().filter(|(path, _)| path.extension().is_some_and(|ending| ending == "png")) {
+            let picture = image::load_from_memory(bytes).unwrap().into_rgba8();
             let covered = |x, y| image::Luma([u16::from(picture.get_pixel(x, y).0[3] > 127)]);
             let map = image::ImageBuffer::from_fn(picture.width(), picture.height(), covered);
-            map.save(labels.join(name)).unwrap();
+            map.save(labels.join(path.file_name().unwrap())).unwrap();
         }
         let (labels, exported) = (labels.to_str().unwrap(), export.to_str().unwrap());
         said.extend(run(&[&["query", "--segments", labels, "--export", exported], flags].concat()));
