@@ -36,6 +36,14 @@ impl Range {
         (self.low * self.high).sqrt()
     }
 
+    /// An estimate of a quantity that is as likely too small by a factor as too large by it. Its middle is the geometric one, unless the
+    /// range begins at next to nothing: then that would be next to nothing too, and the arithmetic one is taken.
+    pub fn geometric_estimate(self) -> Estimate {
+        const WIDEST: f64 = 20.0;
+        let mid = if self.high < WIDEST * self.low { self.geometric_mid() } else { self.mid() };
+        Estimate::new(self.low, mid, self.high)
+    }
+
     /// The smallest range that holds both.
     pub fn hull(self, other: Self) -> Self {
         Self::new(self.low.min(other.low), self.high.max(other.high))

@@ -339,7 +339,7 @@ fn weigh(
     let mut weights = Weights::new(&built.weighables(&bodies), scaled);
     let known_mass = meters_per_unit.and(options.reading_kg()).map(|kg| known_mass(&mut weights, kg, options));
     if let Some(of) = believed.as_ref().filter(|_| known_mass.is_none()) {
-        weights.believe(of.together_kg(), of.printed_kg);
+        weights.believe(of.together_kg(), of.contents);
     }
     let whole = weights.whole(&built.weighables(&bodies));
     let whole = whole.ok_or_else(|| no_volume(&built.labels, &built.shapes))?;

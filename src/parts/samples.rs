@@ -10,7 +10,7 @@ use serde::Serialize;
 
 use super::belief::spread::Spread;
 use super::{BelievedChoice, BelievedPart, Part, Parts};
-use crate::units::{Estimate, Range};
+use crate::units::Estimate;
 use crate::vote::{Contents, FieldPart};
 
 /// One way in which everything may be. All samples are equally probable.
@@ -180,9 +180,7 @@ impl Object<'_> {
         // What weighs nothing has no density.
         made.iter_mut().for_each(|items| items.retain(|item| item.mass_kg.mid > 0.0));
         for thing in belief.into_iter().flat_map(|belief| &belief.unnumbered) {
-            let Range { low, high } = thing.mass_kg;
-            let mass_kg = Estimate::new(low, thing.mass_kg.geometric_mid(), high);
-            let item = Item { what: What::Unseen(&thing.what), mass_kg };
+            let item = Item { what: What::Unseen(&thing.what), mass_kg: thing.mass_kg.geometric_estimate() };
             let places = shuffled(count, random);
             let with = made.iter_mut().zip(places).filter(|(_, place)| *place < thing.probability);
             with.for_each(|(items, _)| items.push(item.clone()));

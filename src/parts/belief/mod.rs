@@ -16,13 +16,13 @@ mod corrected;
 pub mod spread;
 pub mod states;
 
-use super::mass::unknowns::{Belief, Effect, Owner, PRINTED_ERROR, Quantity, Source, Unknowns};
-use super::mass::weights::Weight;
+use super::mass::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, PRINTED_ERROR, Quantity, Source, Unknowns};
+use super::mass::weights::{PrintedContents, Weight};
 use super::result::{AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
 use crate::materials::MaterialLibrary;
 use crate::query::{Alternative, Hypothesis, ObjectAnswers, Printed, RecognizedPart, Unnumbered};
-use crate::units::{Estimate, Range};
-use crate::vote::{Contents, FieldPart, MaterialField};
+use crate::units::Estimate;
+use crate::vote::{Contents, FieldPart, Filled, MaterialField};
 use spread::{Curve, Spread};
 use states::State;
 
@@ -106,6 +106,12 @@ impl Possibilities {
             stated_probability: of.stated_probability,
         };
         let mut stated_mass_counts = true;
+        // What the user says of the contents beats what is printed.
+        let are_contents_corrected = field
+            .parts
+            .iter()
+            .filter_map(|part| part.corrected.as_ref())
+            .any(|of| of.to.filling.is_some() || of.to.share.is_some());
         let mut of_label = |part: &FieldPart| {
             let of = recognized_as(part).map_or(&[][..], |recognized| &alternatives[recognized]);
             let choices: Vec<Possible> = of.iter().map(|of| possible(part.id, of)).collect();
@@ -120,7 +126,7 @@ impl Possibilities {
             stated_mass_counts,
             of_label,
             asked: field.parts.iter().map(asked).collect(),
-            printed: recognition.printed.clone(),
+            printed: recognition.printed.clone().filter(|_| !are_contents_corrected),
             unnumbered: recognition.unnumbered.clone(),
         }
     }
@@ -157,8 +163,8 @@ pub struct Believed {
     pub object: ObjectBelief,
     /// What the things that no part shows weigh, on the average, kg.
     pub unshown_kg: f64,
-    /// What the contents weigh by what is printed on the object, kg.
-    pub printed_kg: Option<f64>,
+    /// What the fillings weigh by what is printed on the object, in the most probable state.
+    pub contents: Option<PrintedContents>,
     /// By label, the way that is taken, if there are several.
     pub taken: Vec<Option<usize>>,
     /// The mass of the object.
@@ -228,13 +234,14 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
     let taken = taken(possible, &states, &posterior, &of_hypothesis);
     let unnumbered = things(possible, &states, &posterior);
     let best = (0..states.len()).rev().max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]));
-    let printed_kg = best.and_then(|best| printed_mass(evidence, &states[best].state));
+    let contents = best.and_then(|best| contents(evidence, &states[best].state.choices));
+    let unshown = unnumbered.iter().map(|of| of.probability * of.mass_kg.geometric_estimate().mid);
     Believed {
-        unshown_kg: unnumbered.iter().map(|of| of.probability * of.mass_kg.geometric_mid()).sum(),
-        printed_kg,
+        unshown_kg: unshown.sum(),
+        contents,
         object: ObjectBelief {
             hypotheses: hypotheses(possible, &by_hypothesis, &of_hypothesis),
-            parts: parts(evidence, unknowns, &states, &posterior, &taken, printed_kg),
+            parts: parts(evidence, unknowns, &states, &posterior, &taken),
             shape_kg: by_shape.percentiles(),
             printed: printed_text(possible, &states),
             unnumbered,
@@ -273,55 +280,74 @@ fn states(possible: &Possibilities) -> Vec<State> {
 
 /// The masses under a state.
 fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighed {
-    let Evidence { possible, weights, label_of, .. } = evidence;
-    let labels = possible.of_label.len();
-    let mut masses: Vec<[Option<Quantity>; 2]> = vec![[None, None]; labels];
-    for (label, masses) in masses.iter_mut().enumerate() {
-        let choice = state.choices[label].min(weights.len() - 1);
-        let own = weights[choice].iter().filter(|weight| label_of[weight.of] == label);
-        own.for_each(|weight| masses[usize::from(weight.is_filling)] = Some(weight.mass.clone()));
+    let Evidence { possible, .. } = evidence;
+    let mut masses = by_shape(evidence, &state.choices);
+    if let Some(contents) = contents(evidence, &state.choices) {
+        let all = filling_kg(&masses);
+        let fillings = masses.iter_mut().filter_map(|[_, filling]| filling.as_mut());
+        fillings.for_each(|filling| *filling = contents.share(filling.mid / all, unknowns));
     }
-    if let Some(contents) = printed_mass(evidence, &state)
-        && let Some(filling) = largest_filling(&mut masses)
-    {
-        let unknown = unknowns.number(Source::Filling, &Owner::Object);
-        *filling = Quantity { mid: contents, effects: vec![(unknown, symmetric(PRINTED_ERROR))] };
-    }
-    let is_there = possible.unnumbered.iter().zip(&state.choices[labels..]);
+    let is_there = possible.unnumbered.iter().zip(&state.choices[possible.of_label.len()..]);
     let extra = is_there.enumerate().filter(|(_, (_, there))| **there == 1).map(|(n, (thing, _))| {
-        let Range { low, high } = thing.mass_kg;
         let unknown = unknowns.number(Source::Unnumbered, &Owner::Thing(n));
-        Quantity { mid: thing.mass_kg.geometric_mid(), effects: vec![(unknown, symmetric(0.5 * (high / low).ln()))] }
+        let mass = thing.mass_kg.geometric_estimate();
+        Quantity { mid: mass.mid, effects: vec![(unknown, Effect::of(mass))] }
     });
     let extra: Vec<Quantity> = extra.collect();
     let all: Vec<Quantity> = masses.iter().flatten().flatten().chain(&extra).cloned().collect();
     Weighed { shape: Belief::prior(unknowns).of_sum(&all), state, masses, extra }
 }
 
-fn symmetric(half_width: f64) -> Effect {
-    Effect { low: -half_width, high: half_width }
-}
-
-/// What the contents weigh by what is printed on the object, if it says so, kg.
-fn printed_mass(evidence: &Evidence, state: &State) -> Option<f64> {
-    let printed = evidence.possible.printed.as_ref()?;
-    let by_volume = || {
-        let labels = (0..evidence.possible.of_label.len()).map(|label| {
-            let choice = state.choices[label].min(evidence.labels.len() - 1);
-            &evidence.labels[choice][label]
-        });
-        let filled = labels.filter_map(|label| match &label.inside {
-            Some(Contents::Filled(filled)) => Some(filled.density_kg_m3.mid),
-            _ => None,
-        });
-        Some(printed.volume_m3? * filled.into_iter().next()?)
+/// By label, the masses of its material and of its filling by shape and materials alone, if parts are made in these ways.
+fn by_shape(evidence: &Evidence, choices: &[usize]) -> Vec<[Option<Quantity>; 2]> {
+    let Evidence { possible, weights, label_of, .. } = evidence;
+    let of_label = |label: usize| {
+        let mut masses = [None, None];
+        let own = weights[choices[label].min(weights.len() - 1)].iter().filter(|weight| label_of[weight.of] == label);
+        own.for_each(|weight| masses[usize::from(weight.is_filling)] = Some(weight.mass.clone()));
+        masses
     };
-    printed.mass_kg.or_else(by_volume)
+    (0..possible.of_label.len()).map(of_label).collect()
 }
 
-fn largest_filling(masses: &mut [[Option<Quantity>; 2]]) -> Option<&mut Quantity> {
-    let fillings = masses.iter_mut().filter_map(|[_, filling]| filling.as_mut());
-    fillings.max_by(|a, b| a.mid.total_cmp(&b.mid))
+fn filling_kg(masses: &[[Option<Quantity>; 2]]) -> f64 {
+    masses.iter().filter_map(|[_, filling]| filling.as_ref()).map(|filling| filling.mid).sum()
+}
+
+/// What the fillings weigh by what is printed on the object, if it says so and parts are made in these ways. The print is about a full
+/// package: one of which a filling takes up a smaller share than it may has as much less.
+fn contents(evidence: &Evidence, choices: &[usize]) -> Option<PrintedContents> {
+    let Evidence { possible, labels, .. } = evidence;
+    let printed = possible.printed.as_ref()?;
+    let filled_in = |choice: usize, label: usize| -> Option<&Filled> {
+        match &labels[choice.min(labels.len() - 1)][label].inside {
+            Some(Contents::Filled(filled)) => Some(filled),
+            _ => None,
+        }
+    };
+    let masses = by_shape(evidence, choices);
+    let (mut full_kg, mut full_m3, mut largest) = (0.0, 0.0, None);
+    for (label, [_, filling]) in masses.iter().enumerate() {
+        let Some(Quantity { mid: kg, .. }) = filling else { continue };
+        let filled = filled_in(choices[label], label);
+        let fullest = (0..labels.len()).filter_map(|choice| filled_in(choice, label)).map(|of| of.share.mid);
+        let fullest = fullest.fold(0.0, f64::max);
+        let kg_if_full = kg * filled.map_or(1.0, |filled| fullest / filled.share.mid);
+        full_kg += kg_if_full;
+        full_m3 += filled.map_or(f64::NAN, |filled| kg_if_full / filled.density_kg_m3.mid);
+        if largest.is_none_or(|(most, _)| *kg > most) {
+            largest = Some((*kg, filled));
+        }
+    }
+    let (_, largest) = largest?;
+    let all = filling_kg(&masses);
+    let half_width = |of: Option<Estimate>, factor: f64| of.map_or(0.0, |of| factor * 0.5 * (of.high / of.low).ln());
+    let is_full = all > 0.999 * full_kg;
+    let of_share = half_width(largest.map(|filled| filled.share).filter(|_| !is_full), OVERCONFIDENCE);
+    let of_density = half_width(largest.map(|filled| filled.density_kg_m3).filter(|_| printed.mass_kg.is_none()), 1.0);
+    let kg = printed.mass_kg.map(|kg| kg * all / full_kg);
+    let kg = kg.or_else(|| Some(printed.volume_m3? * all / full_m3)).filter(|kg| kg.is_finite())?;
+    Some(PrintedContents { kg, half_width: PRINTED_ERROR.hypot(of_share).hypot(of_density) })
 }
 
 /// For each label, the choice that is the most probable under the most probable hypothesis.
@@ -369,21 +395,22 @@ fn parts(
     states: &[Weighed],
     posterior: &[f64],
     taken: &[Option<usize>],
-    printed_kg: Option<f64>,
 ) -> Vec<BelievedPart> {
-    let Evidence { possible, weights, label_of, .. } = evidence;
-    let by_shape = Belief::prior(unknowns);
-    let mass = |label: usize, choice: usize, is_filling: bool| {
-        let of_choice = &weights[choice.min(weights.len() - 1)];
-        let own = of_choice.iter().find(|weight| label_of[weight.of] == label && weight.is_filling == is_filling);
-        own.map(|weight| by_shape.of(&weight.mass))
-    };
-    let filling_of = |label: &usize| mass(*label, taken[*label].unwrap_or(0), true).map_or(0.0, |filling| filling.mid);
-    let with_most = (0..possible.of_label.len()).max_by(|a, b| filling_of(a).total_cmp(&filling_of(b)));
-    let printed = printed_kg.map(|kg| Estimate::new(kg * (-PRINTED_ERROR).exp(), kg, kg * PRINTED_ERROR.exp()));
-    let filling = |label: usize, choice: usize| {
-        let by_shape = mass(label, choice, true)?;
-        Some(printed.filter(|_| Some(label) == with_most).unwrap_or(by_shape))
+    let possible = evidence.possible;
+    let prior = Belief::prior(unknowns);
+    let as_taken: Vec<usize> = taken.iter().map(|taken| taken.unwrap_or(0)).collect();
+    // Of a part that is made in another way than the one that is taken.
+    let masses = |label: usize, choice: usize| {
+        let mut choices = as_taken.clone();
+        choices[label] = choice;
+        let masses = by_shape(evidence, &choices);
+        let [own, filling] = masses[label].clone().map(|mass| mass.map(|mass| prior.of(&mass)));
+        let printed = contents(evidence, &choices).map(|contents| {
+            let kg = contents.kg / filling_kg(&masses);
+            let factor = contents.half_width.exp();
+            move |mid: f64| Estimate::new(mid * kg / factor, mid * kg, mid * kg * factor)
+        });
+        [own, filling.map(|filling| printed.map_or(filling, |printed| printed(filling.mid)))]
     };
     let of_label = |(label, choices): (usize, &Vec<Possible>)| {
         let choice = |(index, choice): (usize, &Possible)| BelievedChoice {
@@ -391,8 +418,8 @@ fn parts(
             stated_probability: choice.stated_probability,
             probability: probability_of(states, posterior, label, index),
             under: probabilities_under(possible, states, posterior, label, index),
-            mass_kg: mass(label, index, false),
-            filling_kg: filling(label, index),
+            mass_kg: masses(label, index)[0],
+            filling_kg: masses(label, index)[1],
         };
         let first = choices.first()?;
         Some(BelievedPart {
@@ -423,6 +450,9 @@ fn printed_text(possible: &Possibilities, states: &[Weighed]) -> Option<String> 
     states.iter().any(has_filling).then(|| printed.text.clone())
 }
 
+/// What something weighs under each of several states, `None` if it is not there, and the probability of the state.
+type Mixture = Vec<(Option<Spread>, f64)>;
+
 /// By label, the masses of its material and its filling over the most probable states: in each of them, the mass of the whole is
 /// shared out as a kitchen scale's reading would be.
 fn masses(
@@ -435,31 +465,42 @@ fn masses(
     let mut order: Vec<usize> = (0..states.len()).collect();
     order.sort_by(|a, b| posterior[*b].total_cmp(&posterior[*a]));
     order.truncate(WEIGHED_STATES);
-    let mut found: Vec<[Vec<(Spread, f64)>; 2]> = vec![[Vec::new(), Vec::new()]; labels];
+    let mut found: Vec<[Mixture; 2]> = vec![[Vec::new(), Vec::new()]; labels];
     for &s in &order {
         let Weighed { masses, extra, .. } = &states[s];
         let all: Vec<Quantity> = masses.iter().flatten().flatten().chain(extra).cloned().collect();
-        let Estimate { low, mid, high } = given_state[s];
-        let belief = Belief::after(unknowns, &all, mid, 0.5 * (high / low).ln());
+        let belief = Belief::in_which(unknowns, &all, given_state[s]);
         for (found, masses) in found.iter_mut().zip(masses) {
-            for (found, mass) in found.iter_mut().zip(masses).filter_map(|(found, mass)| Some((found, mass.as_ref()?)))
-            {
-                found.push((Spread::of(belief.of(mass)), posterior[s]));
+            for (found, mass) in found.iter_mut().zip(masses) {
+                found.push((mass.as_ref().map(|mass| Spread::of(belief.of(mass))), posterior[s]));
             }
         }
     }
-    let mixed = |spreads: Vec<(Spread, f64)>| {
-        let mut curve = Curve::over(spreads.iter().map(|(spread, _)| spread));
+    let mixed = |spreads: Mixture, may_be_nothing: bool| {
+        let (mut of_nothing, mut all) = (0.0, 0.0);
+        let there = || spreads.iter().filter_map(|(spread, weight)| Some((spread.as_ref()?, weight)));
+        there().next()?;
+        let mut curve = Curve::over(there().map(|(spread, _)| spread));
         let empty = curve.clone();
-        spreads.iter().for_each(|(spread, weight)| curve.add(&empty.product(spread, None).0, *weight));
-        (!spreads.is_empty()).then(|| curve.percentiles())
+        there().for_each(|(spread, weight)| curve.add(&empty.product(spread, None).0, *weight));
+        for (spread, weight) in &spreads {
+            all += weight;
+            of_nothing += if spread.is_none() && may_be_nothing { *weight } else { 0.0 };
+        }
+        Some(curve.percentiles_unless(of_nothing / all))
     };
-    found.into_iter().map(|[own, filling]| [mixed(own), mixed(filling)]).collect()
+    // A part is there under every state, its filling is not.
+    found.into_iter().map(|[own, filling]| [mixed(own, false), mixed(filling, true)]).collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::units::Range;
+
+    fn symmetric(half_width: f64) -> Effect {
+        Effect { low: -half_width, high: half_width }
+    }
 
     /// Two parts, each with two ways of being made, and two hypotheses, the second of which excludes a way.
     fn two_parts() -> (Possibilities, Vec<Vec<Weight>>, Vec<Vec<FieldPart>>, Unknowns) {
@@ -632,7 +673,7 @@ mod tests {
             believe(&evidence, &mut unknowns)
         };
         let (guessed, read) = (weigh(None), weigh(Some(printed)));
-        assert_eq!(read.printed_kg, Some(0.5));
+        assert_eq!(read.contents, Some(PrintedContents { kg: 0.5, half_width: PRINTED_ERROR }));
         let filling = |of: &Believed| of.masses[0][1].unwrap();
         assert!((filling(&read).mid / 0.5).ln().abs() < 0.02 && filling(&guessed).mid > 0.7, "{:?}", filling(&read));
         let width = |mass: Estimate| mass.high / mass.low;

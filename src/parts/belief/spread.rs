@@ -124,8 +124,17 @@ impl Curve {
 
     /// The 5th, 50th and 95th percentiles, kg.
     pub fn percentiles(&self) -> Estimate {
+        self.percentiles_unless(0.0)
+    }
+
+    /// The same of something that is not there with the probability `nothing`.
+    pub fn percentiles_unless(&self, nothing: f64) -> Estimate {
         let all: f64 = self.density.iter().sum();
         let mass_at = |share: f64| -> f64 {
+            if share <= nothing {
+                return 0.0;
+            }
+            let share = (share - nothing) / (1.0 - nothing);
             let mut below = 0.0;
             let place = self.density.iter().position(|density| {
                 below += density;
@@ -162,6 +171,15 @@ mod tests {
         for (found, given) in [(found.low, given.low), (found.mid, given.mid), (found.high, given.high)] {
             assert!((found / given).ln().abs() < 0.02, "{found} for {given}");
         }
+    }
+
+    #[test]
+    fn what_may_not_be_there_may_weigh_nothing() {
+        let spread = Spread::of_range(Range::new(0.2, 0.3));
+        let curve = Curve::over(std::iter::once(&spread)).product(&spread, None).0;
+        let found = curve.percentiles_unless(0.1);
+        // The 40th of 90 parts is the middle of all.
+        assert!(found.low == 0.0 && (found.mid / spread.quantile(4.0 / 9.0)).ln().abs() < 0.01, "{found:?}");
     }
 
     #[test]

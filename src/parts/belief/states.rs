@@ -12,24 +12,25 @@ pub struct State {
     pub probability: f64,
 }
 
-/// More states than this differ in items that hardly matter.
+/// Under one hypothesis, more states than this differ in items that hardly matter.
 const MOST: usize = 256;
 
-/// The most probable states, under each hypothesis with a probability; `items` has for each item, by hypothesis, the
-/// probabilities of its choices. Given the hypothesis, items are independent of each other.
+/// The most probable states under each hypothesis with a probability, which they share out among them; `items` has for each item, by
+/// hypothesis, the probabilities of its choices, which need not add up to 1. Given the hypothesis, items are independent of each other.
 pub fn most_probable(hypotheses: &[f64], items: &[Vec<Vec<f64>>]) -> Vec<State> {
     let mut states: Vec<State> = Vec::new();
     for (hypothesis, probability) in hypotheses.iter().enumerate().filter(|(_, probability)| **probability > 0.0) {
         let of_items: Vec<Vec<(usize, f64)>> = items.iter().map(|item| ranked(&item[hypothesis])).collect();
-        states.extend(of_hypothesis(&of_items, MOST).into_iter().map(|(choices, share)| State {
-            hypothesis,
-            choices,
-            probability: probability * share,
-        }));
+        let kept = of_hypothesis(&of_items, MOST);
+        // A hypothesis under which much is in doubt has many states; those that are left out must not count against it.
+        let all: f64 = items.iter().map(|item| item[hypothesis].iter().sum::<f64>()).product();
+        let sum: f64 = kept.iter().map(|(_, share)| share).sum();
+        let scale = if sum > 0.0 { probability * all / sum } else { 0.0 };
+        let state = |(choices, share)| State { hypothesis, choices, probability: scale * share };
+        states.extend(kept.into_iter().map(state));
     }
     // A stable sort, so among equals the order of hypotheses and of choices stays.
     states.sort_by(|a, b| b.probability.total_cmp(&a.probability));
-    states.truncate(MOST);
     let sum: f64 = states.iter().map(|state| state.probability).sum();
     states.iter_mut().for_each(|state| state.probability /= sum);
     states
@@ -106,6 +107,15 @@ mod tests {
             let expected = [0.6, 0.4][state.hypothesis] * share;
             assert!((state.probability - expected).abs() < 1e-12, "{state:?}");
         }
+    }
+
+    #[test]
+    fn a_hypothesis_loses_nothing_because_much_is_in_doubt_under_it() {
+        let items = vec![vec![vec![1.0, 0.0], vec![0.5, 0.5]]; 10];
+        let states = most_probable(&[0.6, 0.4], &items);
+        assert_eq!(states.len(), 1 + MOST, "of 1 and 1024");
+        let of_second: f64 = states.iter().filter(|state| state.hypothesis == 1).map(|state| state.probability).sum();
+        assert!((of_second - 0.4).abs() < 1e-12, "{of_second}");
     }
 
     #[test]

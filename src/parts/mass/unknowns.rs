@@ -235,11 +235,16 @@ impl Belief {
     }
 
     /// The belief in which the sum of `masses` is `mass`: each unknown is where it most likely is if the sum is the middle, and as
-    /// uncertain as it is if the sum has this interval.
+    /// uncertain as it is if the sum has this interval, or as before if that is narrower.
     pub fn in_which(unknowns: &Unknowns, masses: &[Quantity], mass: Estimate) -> Self {
+        let half_width = |of: Estimate| 0.5 * (of.high / of.low).ln();
         let mut belief = Self::after(unknowns, masses, mass.mid, EXACT);
+        let before = half_width(Self { reading: None, ..belief.clone() }.of_sum(masses));
+        let after = half_width(mass);
         if let Some(reading) = &mut belief.reading {
-            reading.error = 0.5 * (mass.high / mass.low).ln();
+            // The reading that, with what was believed before, leaves this interval.
+            reading.error =
+                if after < before { (after.powi(-2) - before.powi(-2)).sqrt().recip() } else { f64::INFINITY };
         }
         belief
     }

@@ -2,7 +2,7 @@
 
 use super::Weighable;
 use super::moments::Moments;
-use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, PRINTED_ERROR, Quantity, Source, Unknowns, extremes};
+use super::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, Quantity, Source, Unknowns, extremes};
 use crate::parts::compose::volume::Volume;
 use crate::query::Form;
 use crate::units::{Estimate, Range};
@@ -59,6 +59,23 @@ impl Scale {
     }
 }
 
+/// What all fillings of an object weigh together by what is printed on it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PrintedContents {
+    pub kg: f64,
+    /// Of its interval, on a logarithmic scale.
+    pub half_width: f64,
+}
+
+impl PrintedContents {
+    /// The mass of a filling that has this share in it.
+    pub fn share(self, share: f64, unknowns: &mut Unknowns) -> Quantity {
+        let unknown = unknowns.number(Source::Filling, &Owner::Object);
+        let effect = Effect { low: -self.half_width, high: self.half_width };
+        Quantity { mid: self.kg * share, effects: vec![(unknown, effect)] }
+    }
+}
+
 /// Logarithm of the factor by which an unknown scale may be off.
 const ANY_SCALE: f64 = 7.0;
 
@@ -73,16 +90,16 @@ impl Weights {
         Self { belief: Belief::prior(&unknowns), unknowns, all, scale: scale.meters_per_unit, uncertain_scale }
     }
 
-    /// Takes over what is believed of the object: the mass that its parts have together, and what its contents weigh by what is
+    /// Takes over what is believed of the object: the mass that its parts have together, and what its fillings weigh by what is
     /// printed on it.
-    pub fn believe(&mut self, together_kg: Estimate, printed_kg: Option<f64>) {
-        let fillings = self.all.iter_mut().filter(|weight| weight.is_filling);
-        let largest = fillings.max_by(|a, b| a.mass.mid.total_cmp(&b.mass.mid));
-        if let (Some(weight), Some(kg)) = (largest, printed_kg) {
-            let unknown = self.unknowns.number(Source::Filling, &Owner::Object);
-            let effects = vec![(unknown, Effect { low: -PRINTED_ERROR, high: PRINTED_ERROR })];
-            weight.density = Quantity { mid: kg / weight.volume.mid, effects: Vec::new() };
-            weight.mass = Quantity { mid: kg, effects };
+    pub fn believe(&mut self, together_kg: Estimate, contents: Option<PrintedContents>) {
+        let fillings: Vec<&mut Weight> = self.all.iter_mut().filter(|weight| weight.is_filling).collect();
+        let all: f64 = fillings.iter().map(|weight| weight.mass.mid).sum();
+        if let Some(contents) = contents {
+            for weight in fillings {
+                weight.density = Quantity { mid: weight.density.mid * contents.kg / all, effects: Vec::new() };
+                weight.mass = contents.share(weight.mass.mid / all, &mut self.unknowns);
+            }
         }
         self.belief = Belief::in_which(&self.unknowns, &self.masses(), together_kg);
     }

@@ -149,7 +149,9 @@ fn agreement(of: &Answer, said: &Answer) -> Agreement {
 /// The alternatives after the answer about the part.
 fn weighed(mut alternatives: Vec<Alternative>, said: &Answer) -> Vec<Alternative> {
     let agreements: Vec<Agreement> = alternatives.iter().map(|of| agreement(&of.answer, said)).collect();
-    let q = said.confidence.clamp(CONFIDENCE.low, CONFIDENCE.high);
+    // An answer that sees several materials in a part names only one of them.
+    let q =
+        if said.several_materials { CONFIDENCE.low } else { said.confidence.clamp(CONFIDENCE.low, CONFIDENCE.high) };
     let (same, if_same) = if agreements.contains(&Agreement::Material) {
         (Agreement::Material, q)
     } else {
@@ -193,8 +195,7 @@ fn likelihood_of_make(of: &Answer, said: &Answer) -> f64 {
 }
 
 /// What both answers say of one way: what the question about the object does not ask for is from the answer about the part,
-/// if that is about the same material; walls and shares of fillings are the mean of both, on a logarithmic scale. The mean is no
-/// narrower than the two, which are not independent of each other.
+/// if that is about the same material; walls and shares of fillings are [what both say together](together).
 fn joined(of_object: &Answer, of_part: &Answer) -> Answer {
     let mut joined = of_object.clone();
     if of_object.material == of_part.material {
@@ -202,19 +203,29 @@ fn joined(of_object: &Answer, of_part: &Answer) -> Answer {
         joined = Answer { youngs_modulus_pa, poisson_ratio, yield_strength_pa, hardness, friction_rubber, ..joined };
     }
     if let (Form::Shell { wall_thickness_m: a }, Form::Shell { wall_thickness_m: b }) = (of_object.form, of_part.form) {
-        joined.form = Form::Shell { wall_thickness_m: mean(a, b) };
+        joined.form = Form::Shell { wall_thickness_m: together(a, b) };
     }
     if let (Some(Inside::Filled { filling, share, .. }), Some(Inside::Filled { filling: other, share: b, .. })) =
         (&mut joined.inside, &of_part.inside)
         && filling == other
     {
-        *share = mean(*share, *b);
+        *share = together(*share, *b).clipped(Range::new(0.0, 1.0));
     }
     joined
 }
 
-fn mean(a: Range, b: Range) -> Range {
-    Range::new((a.low * b.low).sqrt(), (a.high * b.high).sqrt())
+/// What two answers say of one number: around the middle of both on a logarithmic scale, as wide as the wider one, since both come
+/// from one model, and wide enough for the middles of both if they disagree.
+fn together(a: Range, b: Range) -> Range {
+    if a.low <= 0.0 || b.low <= 0.0 {
+        return a.hull(b);
+    }
+    let middle = |of: Range| of.geometric_mid().ln();
+    let half_width = |of: Range| 0.5 * (of.high / of.low).ln();
+    let disagreement = 0.5 * (middle(a) - middle(b)).abs();
+    let half_width = half_width(a).max(half_width(b)).max(disagreement);
+    let middle = 0.5 * (middle(a) + middle(b));
+    Range::new((middle - half_width).exp(), (middle + half_width).exp())
 }
 
 #[cfg(test)]
@@ -304,7 +315,7 @@ mod tests {
     }
 
     #[test]
-    fn form_counts_and_walls_are_the_mean_of_both() {
+    fn form_counts_and_walls_lie_between_both() {
         let choices = [
             (&[0, 1][..], 0.5, answer("stoneware", 0.5)),
             (&[0, 1][..], 0.5, wall(0.002, 0.008, answer("stoneware", 0.5))),
@@ -315,7 +326,24 @@ mod tests {
         let Form::Shell { wall_thickness_m: Range { low, high } } = answers.alternatives()[0][1].answer.form else {
             panic!("it was a wall")
         };
-        assert!((low - 0.002).abs() < 1e-12 && (high - 0.004).abs() < 1e-12, "{low} to {high}");
+        let middle = 0.001 * 8.0_f64.sqrt();
+        assert!((low - 0.5 * middle).abs() < 1e-12 && (high - 2.0 * middle).abs() < 1e-12, "{low} to {high}");
+    }
+
+    #[test]
+    fn two_answers_that_disagree_leave_both_possible() {
+        let Range { low, high } = together(Range::new(1.0, 1.2), Range::new(4.0, 5.0));
+        assert!((1.0..1.2).contains(&low) && (4.0..5.0).contains(&high), "{low} to {high}");
+        let Range { low, high } = together(Range::new(0.0, 0.2), Range::new(0.1, 0.5));
+        assert_eq!((low, high), (0.0, 0.5), "nothing has no logarithm");
+    }
+
+    #[test]
+    fn an_answer_that_sees_several_materials_decides_little() {
+        let choices = [(&[0, 1][..], 0.6, answer("pc", 0.6)), (&[0, 1], 0.4, answer("abs", 0.4))];
+        let found = probabilities(&asked(&choices, Answer { several_materials: true, ..answer("pc", 0.9) }));
+        // 0.6 x 1/3 against 0.4 x 1/3.
+        assert!((found[0] - 0.6).abs() < 1e-12, "{found:?}");
     }
 
     #[test]
