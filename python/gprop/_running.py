@@ -139,7 +139,7 @@ def _check_stage(options: RunOptions) -> None:
     stages: tuple[str, ...] = typing.get_args(_hints(RunOptions)["to"].__origin__)
     to = options.get("to") or stages[-1]
     if to in stages[: stages.index("vote")]:
-        raise ValueError(f"there is no result after the stage {to!r}; end with a later one, or use gprop.call({to!r}, ...)")
+        raise ValueError(f"there is no result after the stage {to!r}; end with a later one, or use gprop.call(\"run\", ..., to={to!r})")
 
 
 def _flags(function: str, kind: type, options: Mapping[str, object]) -> list[str]:

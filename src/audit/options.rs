@@ -13,8 +13,8 @@ pub struct Args {
     /// URDF, MJCF, USD (.usda) or glTF files with physics, or folders with such files, however deep.
     #[arg(required = true, value_name = "PATH")]
     pub paths: Vec<PathBuf>,
-    /// Write inertias and centres of mass that are missing or impossible into the files: those of the shape with the stated
-    /// mass and one density. Nothing else in the files changes.
+    /// Write the inertia of the shape, with the stated mass and one density, where the stated one is missing, impossible, a
+    /// placeholder or far off, and the centre of the shape where the stated one lies outside it. Nothing else in the files changes.
     #[arg(long)]
     pub fix: bool,
     /// Kinds of findings to leave out, separated by commas.

@@ -28,7 +28,8 @@ pub(in crate::scene) fn likely(side: f64, meters_per_unit: Option<f64>) -> Optio
 pub(in crate::scene) fn unstated(side: f64) -> String {
     let of_units = likely(side, None).unwrap_or_else(|| format!("Its longest side is {side:.4} units."));
     format!(
-        "the format states no unit, so masses and forces are unknown until --scale says how long a unit is. {of_units}"
+        "the format states no unit, so masses and forces are unknown until --scale says how long a unit is, or --known-mass how \
+         heavy the object is. {of_units}"
     )
 }
 
