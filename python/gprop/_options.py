@@ -175,7 +175,7 @@ class ExportOptions(StageOptions, total=False):
 class AuditOptions(Options, total=False):
     """Options of `gprop audit`."""
 
-    fix: Annotated[bool, "Write inertias and centres of mass that are missing or impossible into the files: those of the shape with the stated mass and one density. Nothing else in the files changes"]
+    fix: Annotated[bool, "Write the inertia of the shape, with the stated mass and one density, where the stated one is missing, impossible, a placeholder or far off, and the centre of the shape where the stated one lies outside it. Nothing else in the files changes"]
     ignore: Annotated[Union[Literal["invalid", "mesh", "mass-missing", "density", "inertia-missing", "inertia-impossible", "inertia-placeholder", "inertia-off", "center", "friction-missing", "friction-range", "collider", "units", "surface"], Sequence[Literal["invalid", "mesh", "mass-missing", "density", "inertia-missing", "inertia-impossible", "inertia-placeholder", "inertia-off", "center", "friction-missing", "friction-range", "collider", "units", "surface"]]], "Kinds of findings to leave out, separated by commas [possible values: invalid, mesh, mass-missing, density, inertia-missing, inertia-impossible, inertia-placeholder, inertia-off, center, friction-missing, friction-range, collider, units, surface]"]
     collider_volume: Annotated[float, "How many times the volume of what is seen the colliders may have, or the other way round [default: 2]"]
     collider_distance: Annotated[float, "How far the hulls of colliders and of what is seen may stand out from each other, as a share of the longest side [default: 0.1]"]
