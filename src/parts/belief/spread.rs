@@ -63,11 +63,22 @@ impl Spread {
     }
 }
 
+/// The power of the densities in a product. Without it, two of these densities that agree would have an interval of 0.53 of the width of
+/// each, as if tails that are there for errors made agreement say more. With it, it is 0.70 of the width, as for two normal
+/// densities, whose product needs no power.
+const POWER: f64 = 0.7;
+
+/// The density of what two beliefs say together, up to a factor; that of the first if it is the only one.
+pub fn joint(a: f64, b: Option<f64>) -> f64 {
+    b.map_or(a, |b| (a * b).powf(POWER))
+}
+
 /// What several ranges of 90 %, independent of each other, say together of one positive quantity: the product of their densities.
 pub fn together(ranges: &[Range]) -> Estimate {
     let spreads: Vec<Spread> = ranges.iter().map(|range| Spread::of_range(*range)).collect();
     let mut curve = Curve::over(spreads.iter());
-    let of_all = |at: f64| spreads.iter().map(|spread| spread.density(at)).product();
+    let power = if spreads.len() > 1 { POWER } else { 1.0 };
+    let of_all = |at: f64| spreads.iter().map(|spread| spread.density(at).powf(power)).product();
     curve.density = curve.places().map(of_all).collect();
     curve.percentiles()
 }
@@ -109,10 +120,10 @@ impl Curve {
         Self { first: low, step: (high - low) / (PLACES - 1) as f64, density: vec![0.0; PLACES] }
     }
 
-    /// The product of two densities on the same grid, and its integral.
+    /// The [joint] density of two beliefs on the same grid, and its integral.
     pub fn product(&self, a: &Spread, b: Option<&Spread>) -> (Self, f64) {
-        let density: Vec<f64> =
-            self.places().map(|ln_kg| a.density(ln_kg) * b.map_or(1.0, |b| b.density(ln_kg))).collect();
+        let density = |ln_kg: f64| joint(a.density(ln_kg), b.map(|b| b.density(ln_kg)));
+        let density: Vec<f64> = self.places().map(density).collect();
         let integral = density.iter().sum::<f64>() * self.step;
         (Self { density, ..*self }, integral)
     }
@@ -203,6 +214,13 @@ mod tests {
         assert!((with_outlier.mid / 0.2).ln().abs() < 0.05, "{with_outlier:?}");
         // Two that disagree are wider together than one.
         assert!(width(together(&[range(0.1), range(0.9)])) > 1.0);
+    }
+
+    #[test]
+    fn two_that_agree_are_narrower_together_as_two_normal_densities_are() {
+        let both = together(&[Range::new(0.2, 0.3); 2]);
+        let ratio = (both.high / both.low).ln() / 1.5_f64.ln();
+        assert!((ratio - 0.5_f64.sqrt()).abs() < 0.02, "{ratio}");
     }
 
     #[test]
