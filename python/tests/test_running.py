@@ -148,7 +148,7 @@ class StandIn(unittest.TestCase):
         self.fail("the program's stdin was not closed")
 
     def test_functions_show_their_options(self):
-        for function, option, words in ((gprop.run, "scale", "metric"), (gprop.export, "format", "mjcf"), (gprop.audit, "fix", "inertias")):
+        for function, option, words in ((gprop.run, "scale", "metric"), (gprop.export, "format", "mjcf"), (gprop.audit, "fix", "inertia")):
             self.assertIn(option, inspect.signature(function).parameters)
             self.assertRegex(inspect.getdoc(function), f"(?s)\n{option}: .*{words}")
         self.assertNotIn("options", inspect.signature(gprop.run).parameters)
