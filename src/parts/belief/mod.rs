@@ -234,7 +234,10 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
     let taken = taken(possible, &states, &posterior, &of_hypothesis);
     let unnumbered = things(possible, &states, &posterior);
     let best = (0..states.len()).rev().max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]));
-    let contents = best.and_then(|best| contents(evidence, &states[best].state.choices));
+    let contents = best.and_then(|best| {
+        let choices = &states[best].state.choices;
+        contents(evidence, choices, &masses_by_shape(evidence, choices))
+    });
     let unshown = unnumbered.iter().map(|of| of.probability * of.mass_kg.geometric_estimate().mid);
     Believed {
         unshown_kg: unshown.sum(),
@@ -281,8 +284,8 @@ fn states(possible: &Possibilities) -> Vec<State> {
 /// The masses under a state.
 fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighed {
     let Evidence { possible, .. } = evidence;
-    let mut masses = by_shape(evidence, &state.choices);
-    if let Some(contents) = contents(evidence, &state.choices) {
+    let mut masses = masses_by_shape(evidence, &state.choices);
+    if let Some(contents) = contents(evidence, &state.choices, &masses) {
         let all = filling_kg(&masses);
         let fillings = masses.iter_mut().filter_map(|[_, filling]| filling.as_mut());
         fillings.for_each(|filling| *filling = contents.share(filling.mid / all, unknowns));
@@ -299,7 +302,7 @@ fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighe
 }
 
 /// By label, the masses of its material and of its filling by shape and materials alone, if parts are made in these ways.
-fn by_shape(evidence: &Evidence, choices: &[usize]) -> Vec<[Option<Quantity>; 2]> {
+fn masses_by_shape(evidence: &Evidence, choices: &[usize]) -> Vec<[Option<Quantity>; 2]> {
     let Evidence { possible, weights, label_of, .. } = evidence;
     let of_label = |label: usize| {
         let mut masses = [None, None];
@@ -316,7 +319,7 @@ fn filling_kg(masses: &[[Option<Quantity>; 2]]) -> f64 {
 
 /// What the fillings weigh by what is printed on the object, if it says so and parts are made in these ways. The print is about a full
 /// package: one of which a filling takes up a smaller share than it may has as much less.
-fn contents(evidence: &Evidence, choices: &[usize]) -> Option<PrintedContents> {
+fn contents(evidence: &Evidence, choices: &[usize], by_shape: &[[Option<Quantity>; 2]]) -> Option<PrintedContents> {
     let Evidence { possible, labels, .. } = evidence;
     let printed = possible.printed.as_ref()?;
     let filled_in = |choice: usize, label: usize| -> Option<&Filled> {
@@ -325,9 +328,8 @@ fn contents(evidence: &Evidence, choices: &[usize]) -> Option<PrintedContents> {
             _ => None,
         }
     };
-    let masses = by_shape(evidence, choices);
     let (mut full_kg, mut full_m3, mut largest) = (0.0, 0.0, None);
-    for (label, [_, filling]) in masses.iter().enumerate() {
+    for (label, [_, filling]) in by_shape.iter().enumerate() {
         let Some(Quantity { mid: kg, .. }) = filling else { continue };
         let filled = filled_in(choices[label], label);
         let fullest = (0..labels.len()).filter_map(|choice| filled_in(choice, label)).map(|of| of.share.mid);
@@ -340,7 +342,7 @@ fn contents(evidence: &Evidence, choices: &[usize]) -> Option<PrintedContents> {
         }
     }
     let (_, largest) = largest?;
-    let all = filling_kg(&masses);
+    let all = filling_kg(by_shape);
     let half_width = |of: Option<Estimate>, factor: f64| of.map_or(0.0, |of| factor * 0.5 * (of.high / of.low).ln());
     let is_full = all > 0.999 * full_kg;
     let of_share = half_width(largest.map(|filled| filled.share).filter(|_| !is_full), OVERCONFIDENCE);
@@ -403,9 +405,9 @@ fn parts(
     let masses = |label: usize, choice: usize| {
         let mut choices = as_taken.clone();
         choices[label] = choice;
-        let masses = by_shape(evidence, &choices);
+        let masses = masses_by_shape(evidence, &choices);
         let [own, filling] = masses[label].clone().map(|mass| mass.map(|mass| prior.of(&mass)));
-        let printed = contents(evidence, &choices).map(|contents| {
+        let printed = contents(evidence, &choices, &masses).map(|contents| {
             let kg = contents.kg / filling_kg(&masses);
             let factor = contents.half_width.exp();
             move |mid: f64| Estimate::new(mid * kg / factor, mid * kg, mid * kg * factor)
@@ -413,13 +415,16 @@ fn parts(
         [own, filling.map(|filling| printed.map_or(filling, |printed| printed(filling.mid)))]
     };
     let of_label = |(label, choices): (usize, &Vec<Possible>)| {
-        let choice = |(index, choice): (usize, &Possible)| BelievedChoice {
-            material: choice.part.material.clone(),
-            stated_probability: choice.stated_probability,
-            probability: probability_of(states, posterior, label, index),
-            under: probabilities_under(possible, states, posterior, label, index),
-            mass_kg: masses(label, index)[0],
-            filling_kg: masses(label, index)[1],
+        let choice = |(index, choice): (usize, &Possible)| {
+            let [mass_kg, filling_kg] = masses(label, index);
+            BelievedChoice {
+                material: choice.part.material.clone(),
+                stated_probability: choice.stated_probability,
+                probability: probability_of(states, posterior, label, index),
+                under: probabilities_under(possible, states, posterior, label, index),
+                mass_kg,
+                filling_kg,
+            }
         };
         let first = choices.first()?;
         Some(BelievedPart {
