@@ -19,6 +19,7 @@ mod belief;
 mod clean;
 mod compose;
 mod error;
+mod forms;
 mod grid;
 mod inside;
 mod mass;
@@ -50,6 +51,7 @@ use compose::thickness::{self, Chord};
 use compose::wire::{self, Wire};
 use compose::{Composed, Construction, Evidence};
 pub use error::PartsError;
+use forms::Forms;
 pub(crate) use grid::surface::blur;
 use grid::surface::{NONE, Surface};
 pub use grid::{FILLING, Grid, Interior, OUTSIDE, VOID};
@@ -250,27 +252,20 @@ impl Found {
         meters_per_unit: Option<f64>,
         options: &Options,
     ) -> Vec<Construction> {
-        let mesh = self.evidence.mesh.as_ref();
-        let of_label = |(l, label): (usize, &FieldPart)| {
-            let answered = construction(label, meters_per_unit, options, mesh.is_some_and(OfMesh::is_sheet));
-            mesh.map_or(answered, |mesh| mesh.construction(l, answered))
-        };
-        labels.iter().enumerate().map(of_label).collect()
+        labels.iter().enumerate().map(|(l, label)| self.construction(l, label, meters_per_unit, options)).collect()
     }
 
-    /// As [`Self::built`], unless one of these `ways` has the same constructions: it is taken from them, since what the labels
-    /// are made of changes no volume.
-    fn built_once(
+    /// How to fill the volume of the label with this index.
+    fn construction(
         &self,
-        field: &MaterialField,
-        labels: Vec<FieldPart>,
-        constructions: Vec<Construction>,
-        ways: &mut Vec<Built>,
-    ) -> Built {
-        match ways.iter().position(|way| way.constructions == constructions) {
-            Some(way) => Built { labels, ..ways.swap_remove(way) },
-            None => self.built(field, labels, constructions),
-        }
+        l: usize,
+        label: &FieldPart,
+        meters_per_unit: Option<f64>,
+        options: &Options,
+    ) -> Construction {
+        let mesh = self.evidence.mesh.as_ref();
+        let answered = construction(label, meters_per_unit, options, mesh.is_some_and(OfMesh::is_sheet));
+        mesh.map_or(answered, |mesh| mesh.construction(l, answered))
     }
 
     /// The labels filled as `constructions` say.
@@ -294,24 +289,32 @@ struct Built {
 impl Built {
     /// The labels that Gaussians have, each with its `bodies`.
     fn weighables<'a>(&'a self, bodies: &'a [Vec<Body>]) -> Vec<Weighable<'a>> {
+        self.used().map(|l| self.weighable(l, &self.labels[l], &bodies[l])).collect()
+    }
+
+    /// A label of the same construction as the one with this index, in its place.
+    fn weighable<'a>(&'a self, l: usize, label: &'a FieldPart, bodies: &'a [Body]) -> Weighable<'a> {
         let Self { labels, constructions, composed, shapes, .. } = self;
-        self.used()
-            .map(|l| Weighable {
-                shape: &shapes[l],
-                label: &labels[l],
-                volume: &composed.volumes[l],
-                bodies: &bodies[l],
-                is_wall: constructions[l] != Construction::Solid,
-                sleeve: only((0..shapes.len()).filter(|shell| composed.cores[*shell] == Some(l as u32)))
-                    .map(|shell| labels[shell].id),
-                hollow: composed.hollows[l].as_ref(),
-            })
-            .collect()
+        Weighable {
+            shape: &shapes[l],
+            label,
+            volume: &composed.volumes[l],
+            bodies,
+            is_wall: constructions[l] != Construction::Solid,
+            sleeve: only((0..shapes.len()).filter(|shell| composed.cores[*shell] == Some(l as u32)))
+                .map(|shell| labels[shell].id),
+            hollow: composed.hollows[l].as_ref(),
+        }
     }
 
     /// The indices of the labels that Gaussians have.
     fn used(&self) -> impl Iterator<Item = usize> {
-        (0..self.shapes.len()).filter(|&l| self.shapes[l].gaussians > 0)
+        (0..self.shapes.len()).filter(|&l| self.is_used(l))
+    }
+
+    /// Whether Gaussians have the label with this index.
+    fn is_used(&self, l: usize) -> bool {
+        self.shapes[l].gaussians > 0
     }
 }
 
@@ -326,13 +329,15 @@ fn weigh(
     let (meters_per_unit, scaled) = scale_of(field, &found, scale, options);
     let possible = possible.filter(|possible| meters_per_unit.is_some() && possible.most_choices() > 0);
     let believed = possible.map(|possible| believed(field, &found, possible, scaled, options));
-    let (believed, mut ways) = believed.map_or((None, Vec::new()), |(believed, ways)| (Some(believed), ways));
+    let (believed, most_probable) = believed.unzip();
     let labels = possible.zip(believed.as_ref()).map(|(possible, of)| possible.parts_taken(field, &of.taken));
     let labels = labels.unwrap_or_else(|| field.parts.clone());
     let constructions = found.constructions(&labels, meters_per_unit, options);
     let mut warnings = unfilled(&found, &labels, meters_per_unit, options, &constructions);
-    let mut built = found.built_once(field, labels, constructions, &mut ways);
-    drop(ways);
+    let mut built = match most_probable.filter(|built| built.constructions == constructions) {
+        Some(built) => Built { labels, ..built },
+        None => found.built(field, labels, constructions),
+    };
 
     let connected = Bodies::of(&built.composed.interior, built.constructions.len());
     let mut bodies = bodies(&built.composed, &connected, &built.shapes, gaussians, &field.part_index);
@@ -392,36 +397,32 @@ fn scale_of(
     (of_mass, weights::Scale::to_be_found(of_mass.unwrap_or(1.0)))
 }
 
-/// What is believed of an object that, with its parts, may be several things, and the ways in which it was filled for that.
+/// What is believed of an object that, with its parts, may be several things, and the object built of its most probable forms.
 fn believed(
     field: &MaterialField,
     found: &Found,
     possible: &Possibilities,
     scale: weights::Scale,
     options: &Options,
-) -> (Believed, Vec<Built>) {
+) -> (Believed, Built) {
     let mut unknowns = Unknowns::default();
-    let no_bodies: Vec<Vec<Body>> = field.parts.iter().map(|_| Vec::new()).collect();
-    let mut label_of = Vec::new();
-    let (mut weights, mut labels) = (Vec::new(), Vec::new());
-    let mut ways: Vec<Built> = Vec::new();
-    for choice in 0..possible.most_choices() {
-        let chosen = possible.parts_with(field, choice);
-        let constructions = found.constructions(&chosen, Some(scale.meters_per_unit), options);
-        let built = found.built_once(field, chosen, constructions, &mut ways);
-        weights.push(weights::weights(&built.weighables(&no_bodies), scale, &mut unknowns));
-        label_of = built.used().collect();
-        labels.push(built.labels.clone());
-        ways.push(built);
+    let states = belief::states(possible);
+    let forms = Forms::of(field, found, possible, scale.meters_per_unit, options);
+    let mut most_probable = None;
+    let mut weighed = Vec::new();
+    for of_labels in forms.to_build(&states) {
+        let built = forms.built(&of_labels);
+        weighed.push(forms.weighed(&built, of_labels, scale, &mut unknowns));
+        most_probable.get_or_insert(built);
     }
     let evidence = belief::Evidence {
         possible,
-        weights: &weights,
-        labels: &labels,
-        label_of: &label_of,
+        labels: &field.parts,
+        masses_by_shape: &|choices| forms.masses(&weighed, choices),
         reading_kg: options.reading_kg(),
     };
-    (belief::believe(&evidence, &mut unknowns), ways)
+    let believed = belief::believe(&evidence, states, &mut unknowns);
+    (believed, most_probable.expect("there is a state"))
 }
 
 /// The solid parts with their masses, and the fillings.

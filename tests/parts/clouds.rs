@@ -3,8 +3,9 @@
 use gprop::camera::{Camera, Distortion, Intrinsics};
 use gprop::gaussians::Gaussians;
 use gprop::materials::MaterialLibrary;
-use gprop::query::Form;
-use gprop::units::Estimate;
+use gprop::parts::{Possibilities, Possible};
+use gprop::query::{Form, Hypothesis};
+use gprop::units::{Estimate, Range};
 use gprop::vote::{FieldPart, MaterialField};
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 
@@ -122,6 +123,24 @@ pub fn label(id: u32, form: Form) -> FieldPart {
         label.friction_rubber = Estimate::exactly(0.5);
         (label.form, label.hardness) = (form, None);
     })
+}
+
+/// Parts that may be made in these ways, each with its probability, of a thing that weighs between `mass_kg`.
+pub fn possible(mass_kg: Range, of_label: Vec<Vec<(FieldPart, f64)>>) -> Possibilities {
+    let choice = |(part, probability): (FieldPart, f64)| Possible {
+        part,
+        under: vec![probability],
+        likelihood: 1.0,
+        stated_probability: probability,
+    };
+    Possibilities {
+        hypotheses: vec![Hypothesis { what: "a thing".to_owned(), probability: 1.0, mass_kg }],
+        stated_mass_counts: true,
+        asked: vec![None; of_label.len()],
+        of_label: of_label.into_iter().map(|choices| choices.into_iter().map(choice).collect()).collect(),
+        printed: None,
+        unnumbered: Vec::new(),
+    }
 }
 
 /// Unit vectors spread evenly (Fibonacci sphere).

@@ -3,13 +3,13 @@
 use std::f64::consts::PI;
 
 use gprop::camera::Camera;
-use gprop::parts::{BodiesAs, Options, Parts, parts};
+use gprop::parts::{BodiesAs, Known, Options, Parts, parts};
 use gprop::query::Form;
 use gprop::units::{MetricScale, Range, ScaleSource};
 use gprop::words::progress::Progress;
 use nalgebra::{Point3, Vector3};
 
-use super::clouds::{Cloud, cameras};
+use super::clouds::{Cloud, cameras, label, possible};
 
 const SCALE: MetricScale =
     MetricScale { meters_per_unit: 1.0, source: ScaleSource::Metric, provenance: String::new(), range: None };
@@ -21,9 +21,23 @@ fn measured(cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool)
 }
 
 fn measured_as(bodies: BodiesAs, cloud: &Cloud, forms: &[Form], from: impl Fn(&Vector3<f64>) -> bool) -> Parts {
-    let options = Options { volume_cells: 200_000, bodies, ..Options::default() };
+    let options = Options { bodies, ..few_cells() };
+    known_of(cloud, forms, Some(&SCALE).into(), &options, from)
+}
+
+fn few_cells() -> Options {
+    Options { volume_cells: 200_000, ..Options::default() }
+}
+
+fn known_of(
+    cloud: &Cloud,
+    forms: &[Form],
+    known: Known,
+    options: &Options,
+    from: impl Fn(&Vector3<f64>) -> bool,
+) -> Parts {
     let (gaussians, field) = (cloud.gaussians(0.6 * SPACING), cloud.field(forms));
-    let result = parts(&gaussians, &field, &cameras(4.0, 60, from), Some(&SCALE), &options, Progress::HIDDEN).unwrap();
+    let result = parts(&gaussians, &field, &cameras(4.0, 60, from), known, options, Progress::HIDDEN).unwrap();
     result.metric().unwrap().clone()
 }
 
@@ -66,6 +80,18 @@ fn a_rod_goes_on_in_its_sleeve() {
     let (rod, sleeve) = (PI * 0.04 * 2.0, PI * (0.28f64.powi(2) * 1.08 - 0.04));
     assert!(error(&parts, 0, rod).abs() < 0.15);
     assert!(error(&parts, 1, sleeve).abs() < 0.15);
+}
+
+/// In the first choices of both, the rod goes on in the sleeve; in the one state that is possible, the sleeve is solid.
+#[test]
+fn a_state_weighs_what_an_object_of_its_forms_weighs() {
+    let forms = [Form::Solid, Form::Solid];
+    let sleeve = vec![(label(1, wall(0.08)), 0.0), (label(1, forms[1]), 1.0)];
+    let possible = possible(Range::new(1.0, 1e4), vec![vec![(label(0, forms[0]), 1.0)], sleeve]);
+    let known = Known { scale: Some(&SCALE), possible: Some(&possible) };
+    let believed = known_of(&rod_in_sleeve(), &forms, known, &few_cells(), |_| true).belief.unwrap();
+    let sure = measured(&rod_in_sleeve(), &forms, |_| true).object.mass_kg;
+    assert!((believed.shape_kg.mid / sure.mid - 1.0).abs() < 0.005, "{:?}, {sure:?}", believed.shape_kg);
 }
 
 /// The sleeve's wall fills a fifteenth of each of its cells, so the rod takes all of them; the sleeve weighs all the same.

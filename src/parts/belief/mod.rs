@@ -17,7 +17,7 @@ pub mod spread;
 pub mod states;
 
 use super::mass::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, PRINTED_ERROR, Quantity, Source, Unknowns};
-use super::mass::weights::{PrintedContents, Weight};
+use super::mass::weights::PrintedContents;
 use super::result::{AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
 use crate::materials::MaterialLibrary;
 use crate::query::{Alternative, Hypothesis, ObjectAnswers, Printed, RecognizedPart, Unnumbered};
@@ -143,18 +143,20 @@ impl Possibilities {
 
     /// The parts of a field if each is made in the way that is `taken` for it.
     pub fn parts_taken(&self, field: &MaterialField, taken: &[Option<usize>]) -> Vec<FieldPart> {
-        let part_as_taken = |((part, possible), taken): ((&FieldPart, &Vec<Possible>), &Option<usize>)| {
-            taken.and_then(|taken| possible.get(taken)).map_or_else(|| part.clone(), |possible| possible.part.clone())
+        let part_as_taken = |(label, taken): (usize, &Option<usize>)| {
+            taken.map_or(&field.parts[label], |taken| self.part(&field.parts, label, taken)).clone()
         };
-        field.parts.iter().zip(&self.of_label).zip(taken).map(part_as_taken).collect()
+        taken.iter().enumerate().map(part_as_taken).collect()
     }
 
-    /// The parts of a field if each is made in the way of this index, or in its last way if it has fewer.
-    pub fn parts_with(&self, field: &MaterialField, choice: usize) -> Vec<FieldPart> {
-        let part_as_chosen = |(part, possible): (&FieldPart, &Vec<Possible>)| {
-            possible.get(choice).or(possible.last()).map_or_else(|| part.clone(), |possible| possible.part.clone())
-        };
-        field.parts.iter().zip(&self.of_label).map(part_as_chosen).collect()
+    /// A part of a field, whose `parts` these are, if it is made in the way of this index; as the field has it if it has no such way.
+    pub fn part<'a>(&'a self, parts: &'a [FieldPart], label: usize, choice: usize) -> &'a FieldPart {
+        self.of_label[label].get(choice).map_or(&parts[label], |possible| &possible.part)
+    }
+
+    /// In how many ways a part may be made; in one if nothing more is known of it than the field says.
+    pub fn choices(&self, label: usize) -> usize {
+        self.of_label[label].len().max(1)
     }
 }
 
@@ -178,16 +180,16 @@ const EXCLUDED: f64 = 1e-4;
 /// States whose parts are weighed one by one; the rest differ little from them, or are improbable.
 const WEIGHED_STATES: usize = 8;
 
+/// The masses of a part's material and of its filling; `None` if it has none.
+pub type PartMasses = [Option<Quantity>; 2];
+
 /// The evidence that bears on the masses.
 pub struct Evidence<'a> {
     pub possible: &'a Possibilities,
-    /// By choice, the masses if every part is made that way, as [`Possibilities::parts_with`] says: of parts and fillings,
-    /// all over the same unknowns.
-    pub weights: &'a [Vec<Weight>],
-    /// By choice, the labels.
-    pub labels: &'a [Vec<FieldPart>],
-    /// By choice, the index of the label of each weighable.
-    pub label_of: &'a [usize],
+    /// The parts of the field, by label.
+    pub labels: &'a [FieldPart],
+    /// By label, the masses by shape and materials alone if parts are made in these ways, all over the same unknowns.
+    pub masses_by_shape: &'a dyn Fn(&[usize]) -> Vec<PartMasses>,
     /// A reading of a kitchen scale, kg.
     pub reading_kg: Option<f64>,
 }
@@ -196,16 +198,16 @@ pub struct Evidence<'a> {
 struct Weighed {
     state: State,
     /// By label, the masses of its material and of its filling.
-    masses: Vec<[Option<Quantity>; 2]>,
+    masses: Vec<PartMasses>,
     extra: Vec<Quantity>,
     shape: Estimate,
 }
 
-/// Weighs all evidence.
-pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
+/// Weighs all evidence; `states` are those of [`states()`].
+pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns) -> Believed {
     let Evidence { possible, .. } = evidence;
     let stated: Vec<Spread> = possible.hypotheses.iter().map(|of| Spread::of_range(of.mass_kg)).collect();
-    let states: Vec<Weighed> = states(possible).into_iter().map(|state| weighed(evidence, state, unknowns)).collect();
+    let states: Vec<Weighed> = states.into_iter().map(|state| weighed(evidence, state, unknowns)).collect();
     let shapes: Vec<Spread> = states.iter().map(|of| Spread::of(of.shape)).collect();
     let empty = Curve::over(shapes.iter().chain(&stated));
     let (mut whole, mut by_shape) = (empty.clone(), empty.clone());
@@ -236,7 +238,7 @@ pub fn believe(evidence: &Evidence, unknowns: &mut Unknowns) -> Believed {
     let best = (0..states.len()).rev().max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]));
     let contents = best.and_then(|best| {
         let choices = &states[best].state.choices;
-        contents(evidence, choices, &masses_by_shape(evidence, choices))
+        contents(evidence, choices, &(evidence.masses_by_shape)(choices))
     });
     let unshown = unnumbered.iter().map(|of| of.probability * of.mass_kg.geometric_estimate().mid);
     Believed {
@@ -269,7 +271,7 @@ fn hypotheses(possible: &Possibilities, curves: &[(Curve, f64)], probabilities: 
 
 /// The combinations of hypotheses, of choices for the labels that have any, and of whether each thing without a number is
 /// there.
-fn states(possible: &Possibilities) -> Vec<State> {
+pub fn states(possible: &Possibilities) -> Vec<State> {
     let hypotheses: Vec<f64> = possible.hypotheses.iter().map(|of| of.probability).collect();
     let of_label = |choices: &Vec<Possible>| -> Vec<Vec<f64>> {
         let under =
@@ -284,7 +286,7 @@ fn states(possible: &Possibilities) -> Vec<State> {
 /// The masses under a state.
 fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighed {
     let Evidence { possible, .. } = evidence;
-    let mut masses = masses_by_shape(evidence, &state.choices);
+    let mut masses = (evidence.masses_by_shape)(&state.choices);
     if let Some(contents) = contents(evidence, &state.choices, &masses) {
         let all = filling_kg(&masses);
         let fillings = masses.iter_mut().filter_map(|[_, filling]| filling.as_mut());
@@ -301,29 +303,17 @@ fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighe
     Weighed { shape: Belief::prior(unknowns).of_sum(&all), state, masses, extra }
 }
 
-/// By label, the masses of its material and of its filling by shape and materials alone, if parts are made in these ways.
-fn masses_by_shape(evidence: &Evidence, choices: &[usize]) -> Vec<[Option<Quantity>; 2]> {
-    let Evidence { possible, weights, label_of, .. } = evidence;
-    let of_label = |label: usize| {
-        let mut masses = [None, None];
-        let own = weights[choices[label].min(weights.len() - 1)].iter().filter(|weight| label_of[weight.of] == label);
-        own.for_each(|weight| masses[usize::from(weight.is_filling)] = Some(weight.mass.clone()));
-        masses
-    };
-    (0..possible.of_label.len()).map(of_label).collect()
-}
-
-fn filling_kg(masses: &[[Option<Quantity>; 2]]) -> f64 {
+fn filling_kg(masses: &[PartMasses]) -> f64 {
     masses.iter().filter_map(|[_, filling]| filling.as_ref()).map(|filling| filling.mid).sum()
 }
 
 /// What the fillings weigh by what is printed on the object, if it says so and parts are made in these ways. The print is about a full
 /// package: one of which a filling takes up a smaller share than it may has as much less.
-fn contents(evidence: &Evidence, choices: &[usize], by_shape: &[[Option<Quantity>; 2]]) -> Option<PrintedContents> {
+fn contents(evidence: &Evidence, choices: &[usize], by_shape: &[PartMasses]) -> Option<PrintedContents> {
     let Evidence { possible, labels, .. } = evidence;
     let printed = possible.printed.as_ref()?;
     let filled_in = |choice: usize, label: usize| -> Option<&Filled> {
-        match &labels[choice.min(labels.len() - 1)][label].inside {
+        match &possible.part(labels, label, choice).inside {
             Some(Contents::Filled(filled)) => Some(filled),
             _ => None,
         }
@@ -332,7 +322,7 @@ fn contents(evidence: &Evidence, choices: &[usize], by_shape: &[[Option<Quantity
     for (label, [_, filling]) in by_shape.iter().enumerate() {
         let Some(Quantity { mid: kg, .. }) = filling else { continue };
         let filled = filled_in(choices[label], label);
-        let fullest = (0..labels.len()).filter_map(|choice| filled_in(choice, label)).map(|of| of.share.mid);
+        let fullest = (0..possible.choices(label)).filter_map(|choice| filled_in(choice, label)).map(|of| of.share.mid);
         let fullest = fullest.fold(0.0, f64::max);
         let kg_if_full = kg * filled.map_or(1.0, |filled| fullest / filled.share.mid);
         full_kg += kg_if_full;
@@ -405,7 +395,7 @@ fn parts(
     let masses = |label: usize, choice: usize| {
         let mut choices = as_taken.clone();
         choices[label] = choice;
-        let masses = masses_by_shape(evidence, &choices);
+        let masses = (evidence.masses_by_shape)(&choices);
         let [own, filling] = masses[label].clone().map(|mass| mass.map(|mass| prior.of(&mass)));
         let printed = contents(evidence, &choices, &masses).map(|contents| {
             let kg = contents.kg / filling_kg(&masses);
@@ -507,8 +497,11 @@ mod tests {
         Effect { low: -half_width, high: half_width }
     }
 
+    /// By label and choice, the masses of a part, whatever the others are.
+    type ByChoice = Vec<Vec<PartMasses>>;
+
     /// Two parts, each with two ways of being made, and two hypotheses, the second of which excludes a way.
-    fn two_parts() -> (Possibilities, Vec<Vec<Weight>>, Vec<Vec<FieldPart>>, Unknowns) {
+    fn two_parts() -> (Possibilities, ByChoice, Vec<FieldPart>, Unknowns) {
         let library = MaterialLibrary::builtin();
         let part = |id: u32, material: &str| FieldPart::of(id, library.get(material).unwrap());
         let possible = |id, material: &str, under: [f64; 2]| Possible {
@@ -535,25 +528,31 @@ mod tests {
         };
         let mut unknowns = Unknowns::default();
         let method = unknowns.number(Source::Method, &Owner::Object);
-        let mut weight = |of, mid, half_width| {
-            let density = unknowns.number(Source::Density, &Owner::Part(of as u32));
-            let mass = Quantity { mid, effects: vec![(method, symmetric(0.1)), (density, symmetric(half_width))] };
-            let none = Quantity::default();
-            Weight { of, is_filling: false, volume: none.clone(), density: none, mass, wall: None, share: None }
+        let mut mass = |of, mid, half_width| {
+            let density = unknowns.number(Source::Density, &Owner::Part(of));
+            [Some(Quantity { mid, effects: vec![(method, symmetric(0.1)), (density, symmetric(half_width))] }), None]
         };
-        let weights =
-            vec![vec![weight(0, 0.6, 0.02), weight(1, 0.1, 0.2)], vec![weight(0, 0.08, 0.05), weight(1, 0.15, 0.05)]];
-        let labels =
-            (0..2).map(|choice| possible.of_label.iter().map(|of| of[choice].part.clone()).collect()).collect();
-        (possible, weights, labels, unknowns)
+        let built = vec![vec![mass(0, 0.6, 0.02), mass(0, 0.08, 0.05)], vec![mass(1, 0.1, 0.2), mass(1, 0.15, 0.05)]];
+        let labels = possible.of_label.iter().map(|of| of[0].part.clone()).collect();
+        (possible, built, labels, unknowns)
+    }
+
+    fn weighed(
+        possible: &Possibilities,
+        built: &[Vec<PartMasses>],
+        labels: &[FieldPart],
+        unknowns: &mut Unknowns,
+        reading_kg: Option<f64>,
+    ) -> Believed {
+        let masses = |choices: &[usize]| built.iter().zip(choices).map(|(of, choice)| of[*choice].clone()).collect();
+        let evidence = Evidence { possible, labels, masses_by_shape: &masses, reading_kg };
+        believe(&evidence, states(possible), unknowns)
     }
 
     #[test]
     fn a_belief_is_what_summing_over_everything_gives() {
-        let (possible, weights, labels, mut unknowns) = two_parts();
-        let evidence =
-            Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg: None };
-        let believed = believe(&evidence, &mut unknowns);
+        let (possible, built, labels, mut unknowns) = two_parts();
+        let believed = weighed(&possible, &built, &labels, &mut unknowns, None);
         // Every combination, on a grid of its own.
         let (mut all, mut real, mut steel) = (0.0, 0.0, 0.0);
         let mut of_mass: Vec<(f64, f64)> = Vec::new();
@@ -561,7 +560,7 @@ mod tests {
             for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
                 let prior =
                     hypothesis.probability * possible.of_label[0][a].under[h] * possible.of_label[1][b].under[h];
-                let masses = [weights[a][0].mass.clone(), weights[b][1].mass.clone()];
+                let masses = [&built[0][a], &built[1][b]].map(|masses| masses[0].clone().unwrap());
                 let shape = Spread::of(Belief::prior(&unknowns).of_sum(&masses));
                 let stated = Spread::of_range(hypothesis.mass_kg);
                 let moved = stated.moved_to(&shape);
@@ -598,15 +597,13 @@ mod tests {
 
     #[test]
     fn a_hypothesis_does_not_lose_because_little_is_known_of_its_mass() {
-        let (mut possible, weights, labels, mut unknowns) = two_parts();
+        let (mut possible, built, labels, mut unknowns) = two_parts();
         possible.of_label.iter_mut().flatten().for_each(|choice| choice.under = vec![0.5; 2]);
         let middle = 0.5;
         let around = |factor: f64| Range::new(middle / factor, middle * factor);
         possible.hypotheses[0].mass_kg = around(1.2);
         possible.hypotheses[1].mass_kg = around(6.0);
-        let evidence =
-            Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg: None };
-        let believed = believe(&evidence, &mut unknowns);
+        let believed = weighed(&possible, &built, &labels, &mut unknowns, None);
         let [narrow, wide] =
             [0, 1].map(|h| believed.object.hypotheses[h].probability / possible.hypotheses[h].probability);
         assert!(wide > narrow, "the shape is nearer to what a wide range expects: {narrow}, {wide}");
@@ -615,13 +612,9 @@ mod tests {
     /// The user said of a part what the model did not hold possible.
     #[test]
     fn without_the_stated_masses_shape_and_materials_are_all() {
-        let (mut possible, weights, labels, mut unknowns) = two_parts();
+        let (mut possible, built, labels, mut unknowns) = two_parts();
         possible.stated_mass_counts = false;
-        let mut weighed = |reading_kg| {
-            let evidence =
-                Evidence { possible: &possible, weights: &weights, labels: &labels, label_of: &[0, 1], reading_kg };
-            believe(&evidence, &mut unknowns)
-        };
+        let mut weighed = |reading_kg| weighed(&possible, &built, &labels, &mut unknowns, reading_kg);
         let believed = weighed(None);
         let ends = |mass: Estimate| [mass.low, mass.mid, mass.high];
         for (found, shape) in ends(believed.mass_kg).into_iter().zip(ends(believed.object.shape_kg)) {
@@ -635,48 +628,24 @@ mod tests {
 
     #[test]
     fn a_reading_decides_between_hypotheses() {
-        let (possible, weights, labels, mut unknowns) = two_parts();
-        let evidence = Evidence {
-            possible: &possible,
-            weights: &weights,
-            labels: &labels,
-            label_of: &[0, 1],
-            reading_kg: Some(0.2),
-        };
-        let believed = believe(&evidence, &mut unknowns);
+        let (possible, built, labels, mut unknowns) = two_parts();
+        let believed = weighed(&possible, &built, &labels, &mut unknowns, Some(0.2));
         assert!(believed.object.hypotheses[1].probability > 0.9, "{:?}", believed.object);
         assert_eq!(believed.taken[0], Some(1), "steel would be too heavy");
     }
 
     #[test]
     fn what_is_printed_gives_the_weight_of_the_contents() {
-        let (mut possible, mut weights, labels, mut unknowns) = two_parts();
+        let (mut possible, mut built, labels, mut unknowns) = two_parts();
         possible.hypotheses = vec![Hypothesis { what: "full".into(), probability: 1.0, mass_kg: Range::new(0.2, 2.0) }];
-        for weights in &mut weights {
-            let share = unknowns.number(Source::Filling, &Owner::Part(1));
-            let mass = Quantity { mid: 0.9, effects: vec![(share, symmetric(0.4))] };
-            let none = Quantity::default();
-            weights.push(Weight {
-                of: 0,
-                is_filling: true,
-                volume: none.clone(),
-                density: none,
-                mass,
-                wall: None,
-                share: None,
-            });
+        let share = unknowns.number(Source::Filling, &Owner::Part(1));
+        for [_, filling] in &mut built[0] {
+            *filling = Some(Quantity { mid: 0.9, effects: vec![(share, symmetric(0.4))] });
         }
         let printed = Printed { text: "NET WT 500 g".to_owned(), mass_kg: Some(0.5), volume_m3: None };
         let mut weigh = |printed: Option<Printed>| {
             let possible = Possibilities { printed, ..possible.clone() };
-            let evidence = Evidence {
-                possible: &possible,
-                weights: &weights,
-                labels: &labels,
-                label_of: &[0, 1],
-                reading_kg: None,
-            };
-            believe(&evidence, &mut unknowns)
+            weighed(&possible, &built, &labels, &mut unknowns, None)
         };
         let (guessed, read) = (weigh(None), weigh(Some(printed)));
         assert_eq!(read.contents, Some(PrintedContents { kg: 0.5, half_width: PRINTED_ERROR }));

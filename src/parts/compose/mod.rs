@@ -52,6 +52,18 @@ pub enum Construction {
     },
 }
 
+impl Construction {
+    /// Whether it gives all volumes that another one gives: how full the hollow is changes none of them.
+    pub fn fills_like(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Wall { thickness, filled }, Self::Wall { thickness: of_other, filled: other }) => {
+                thickness == of_other && filled.is_some() == other.is_some()
+            }
+            _ => self == other,
+        }
+    }
+}
+
 /// How well the surface of the cells is known.
 pub struct Evidence {
     /// Possible error of the surface's position, scene units.
