@@ -36,7 +36,7 @@ use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::query::Form;
 use crate::scene::mesh::solid::Measured;
-use crate::units::{Estimate, MetricScale, Range, ScaleSource};
+use crate::units::{Estimate, MetricScale, ScaleSource};
 use crate::vote::{Contents, FieldPart, MaterialField};
 use crate::words::output::{agreeing, counted};
 use crate::words::progress::Progress;
@@ -62,7 +62,7 @@ use mass::bodies::Bodies;
 use mass::moments::Moments;
 pub use mass::unknowns::Source;
 use mass::unknowns::Unknowns;
-use mass::weights::{self, Weight, Weights};
+use mass::weights::{self, Weighing, Weight, Weights};
 use mass::{Body, Weighable};
 pub use options::{BodiesAs, MassReading, Options, SCENE_KEYS, VolumeMethod};
 pub use result::{
@@ -342,10 +342,10 @@ fn weigh(
     let connected = Bodies::of(&built.composed.interior, built.constructions.len());
     let mut bodies = bodies(&built.composed, &connected, &built.shapes, gaussians, &field.part_index);
     let mut weights = Weights::new(&built.weighables(&bodies), scaled);
-    let known_mass = meters_per_unit.and(options.reading_kg()).map(|kg| known_mass(&mut weights, kg, options));
-    if let Some(of) = believed.as_ref().filter(|_| known_mass.is_none()) {
-        weights.believe(of.together_kg(), of.contents);
-    }
+    let weighing = meters_per_unit.and(options.weighing());
+    let known_mass = weighing.map(|weighing| known_mass(weighing, &weights, believed.as_ref()));
+    let weighing = weighing.filter(|_| known_mass.as_ref().is_some_and(|known| known.is_possible));
+    weigh_together(&mut weights, believed.as_ref(), weighing);
     let whole = weights.whole(&built.weighables(&bodies));
     let whole = whole.ok_or_else(|| no_volume(&built.labels, &built.shapes))?;
     set_distances(&mut built.shapes, &mut bodies, &connected, &built.cells, whole.center);
@@ -356,7 +356,6 @@ fn weigh(
     let enclosed_m3 = enclosed(&built.cells) * meters_per_unit.unwrap_or(1.0).powi(3);
     warnings.extend(known_mass.as_ref().and_then(|known| known.problem(enclosed_m3)));
     let notes = notes(&built, field, floaters, options.min_part_share);
-    let is_weighed = known_mass.is_some();
     let parts = meters_per_unit.map(|_| {
         let (parts, fillings) = weighed(&weights, &built.weighables(&bodies), options);
         let mut parts = Parts {
@@ -371,7 +370,7 @@ fn weigh(
             notes: notes.clone(),
         };
         match believed {
-            Some(of) if is_weighed => parts.belief = Some(of.object),
+            Some(of) if weighing.is_some() => parts.belief = Some(of.object),
             Some(of) => of.give(&mut parts, &built.labels),
             None => {}
         }
@@ -419,7 +418,7 @@ fn believed(
         possible,
         labels: &field.parts,
         masses_by_shape: &|choices| forms.masses(&weighed, choices),
-        reading_kg: options.reading_kg(),
+        weighing: options.weighing(),
     };
     let believed = belief::believe(&evidence, states, &mut unknowns);
     (believed, most_probable.expect("there is a state"))
@@ -443,11 +442,24 @@ fn only<T>(mut items: impl Iterator<Item = T>) -> Option<T> {
     items.next().filter(|_| items.next().is_none())
 }
 
-/// Weighs the object: the reading of a kitchen scale is shared out among everything that is uncertain.
-fn known_mass(weights: &mut Weights, reading_kg: f64, options: &Options) -> KnownMass {
-    let error_kg = options.known_mass_error.unwrap_or(READING_ERROR * reading_kg);
-    let (expected_kg, [low, high], is_possible) = weights.weigh(reading_kg, error_kg);
-    KnownMass { reading_kg, error_kg, expected_kg, possible_kg: Range::new(low, high), is_possible }
+/// What a kitchen scale shows, compared with what is expected.
+fn known_mass(weighing: Weighing, weights: &Weights, believed: Option<&Believed>) -> KnownMass {
+    let read = believed.and_then(|believed| Some((believed.mass_kg, believed.reading?.possible_kg)));
+    let (expected_kg, possible_kg) = read.unwrap_or_else(|| (weights.expected(), weights.bounds()));
+    KnownMass::new(weighing, expected_kg, possible_kg)
+}
+
+/// Shares out the mass of the whole among everything that is uncertain: the one that a kitchen scale shows, or else the one that is
+/// believed.
+fn weigh_together(weights: &mut Weights, believed: Option<&Believed>, weighing: Option<Weighing>) {
+    if let Some(contents) = believed.and_then(|believed| believed.contents) {
+        weights.print(contents);
+    }
+    match (weighing, believed) {
+        (Some(weighing), _) => weights.weigh(weighing, believed.map_or(&[], |believed| &believed.unseen)),
+        (None, Some(believed)) => weights.believe(believed.together_kg()),
+        (None, None) => {}
+    }
 }
 
 /// Per label, its bodies, which together have its volume.
@@ -621,9 +633,6 @@ fn no_volume(labels: &[FieldPart], shapes: &[Shape]) -> PartsError {
     });
     PartsError::NoVolume { parts: used.len(), why: why.collect::<Vec<_>>().join("; ") }
 }
-
-/// A kitchen scale shows grams and is off by about 1 %.
-const READING_ERROR: f64 = 0.01;
 
 /// Up to this share of an object's Gaussians may have no volume without changing a mass that matters.
 const FEW: f64 = 0.001;

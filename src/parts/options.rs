@@ -6,6 +6,7 @@ use std::str::FromStr;
 use clap::Args;
 use serde::{Deserialize, Serialize, Serializer};
 
+use super::mass::weights::Weighing;
 use crate::config::SceneKey;
 use crate::config::option_values::{self, Domain, OptionError, above, below, from_to, with_unit};
 use crate::scene::ObjectNumber;
@@ -23,6 +24,9 @@ const MIN_BODY_SHARE: f64 = 0.01;
 const MIN_PART_SHARE: f64 = 0.001;
 /// A sheet of steel, a mug's wall, a moulded case: 1 to 5 mm.
 const WALL_M: f64 = 0.003;
+
+/// A kitchen scale shows grams and is off by about 1 %.
+const READING_ERROR: f64 = 0.01;
 
 /// With its margin, the largest of these grids has up to 1.8e9 cells, within the range of a `u32`.
 const CELLS: Domain<usize> = from_to(1000, 1 << 30);
@@ -183,6 +187,12 @@ impl Options {
     /// The reading of a kitchen scale, kg.
     pub(super) fn reading_kg(&self) -> Option<f64> {
         self.known_mass.map(|reading| reading.kg)
+    }
+
+    /// The same with its error.
+    pub(super) fn weighing(&self) -> Option<Weighing> {
+        let kg = self.reading_kg()?;
+        Some(Weighing { kg, error_kg: self.known_mass_error.unwrap_or(READING_ERROR * kg) })
     }
 
     /// The thickness of a sheet of which no answer says it, m: of [`WALL_M`], from 1 to 5 mm.

@@ -6,6 +6,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 
 use super::mass::unknowns::Source;
+use super::mass::weights::Weighing;
 use crate::query::{PartQuestion, Why};
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Corrected, FieldPart};
@@ -413,7 +414,8 @@ pub struct KnownMass {
     pub error_kg: f64,
     /// The mass as it was expected without the reading.
     pub expected_kg: Estimate,
-    /// The least and the greatest mass that the answers and the surface allow.
+    /// The least and the greatest mass that the answers and the surface allow; if the object may be several things, made in the way whose
+    /// bounds are nearest to the reading.
     pub possible_kg: Range,
     /// Whether it is possible; if not, the masses are those that were expected.
     pub is_possible: bool,
@@ -423,6 +425,13 @@ pub struct KnownMass {
 const STEEL_KG_M3: f64 = 7850.0;
 
 impl KnownMass {
+    pub(super) fn new(weighing: Weighing, expected_kg: Estimate, possible_kg: [f64; 2]) -> Self {
+        let Weighing { kg: reading_kg, error_kg } = weighing;
+        let [least, most] = possible_kg;
+        let is_possible = weighing.is_possible(possible_kg);
+        Self { reading_kg, error_kg, expected_kg, possible_kg: Range::new(least, most), is_possible }
+    }
+
     /// Why the reading is impossible, and the nearest mass that is possible; `None` if the reading is possible. The
     /// object's surface encloses `enclosed_m3`.
     pub(super) fn problem(&self, enclosed_m3: f64) -> Option<String> {

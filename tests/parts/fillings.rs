@@ -4,15 +4,15 @@ use std::f64::consts::PI;
 
 use gprop::gaussians::Gaussians;
 use gprop::materials::Law;
-use gprop::parts::{Options, Parts, Source, parts};
-use gprop::query::Form;
+use gprop::parts::{Known, Options, Parts, Possibilities, Source, parts};
+use gprop::query::{Form, Printed, Unnumbered};
 use gprop::units::{Estimate, MetricScale, Range, ScaleSource};
-use gprop::vote::{Contents, MaterialField};
+use gprop::vote::{Contents, FieldPart, MaterialField};
 use gprop::words::progress::Progress;
 use nalgebra::Point3;
 use serde_json::json;
 
-use super::clouds::{Cloud, cameras};
+use super::clouds::{Cloud, cameras, possible};
 use crate::support::changed;
 
 /// A scene unit of 0.5 m, so that a confusion of the two is noticed.
@@ -39,17 +39,31 @@ fn filling(density_kg_m3: f64, share: Estimate) -> Contents {
 
 /// A hollow ball with a wall of 1000 kg/m3.
 fn ball(inside: Contents, options: &Options) -> Parts {
+    ball_that_may_be(inside, None, options)
+}
+
+/// A ball of which this is possible, if its parts are made as they are.
+fn ball_that_may_be(
+    inside: Contents,
+    possible: Option<&dyn Fn(Vec<Vec<(FieldPart, f64)>>) -> Possibilities>,
+    options: &Options,
+) -> Parts {
     let cloud = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |_| 0);
     let wall_thickness_m = Range::new(0.8 * WALL_M, 1.2 * WALL_M);
     let (gaussians, mut field) = (cloud.gaussians(0.02), cloud.field(&[Form::Shell { wall_thickness_m }]));
     field.parts[0].inside = Some(inside);
-    measured(&gaussians, &field, Some(&SCALE), options)
+    let possible = possible.map(|possible| possible(vec![vec![(field.parts[0].clone(), 1.0)]]));
+    measured(&gaussians, &field, Known { scale: Some(&SCALE), possible: possible.as_ref() }, options)
 }
 
-fn measured(gaussians: &Gaussians, field: &MaterialField, scale: Option<&MetricScale>, options: &Options) -> Parts {
+fn measured<'a>(gaussians: &Gaussians, field: &MaterialField, known: impl Into<Known<'a>>, options: &Options) -> Parts {
     let options = Options { volume_cells: 60_000, ..options.clone() };
-    let eyes = cameras(4.0, 40, |_| true);
-    parts(gaussians, field, &eyes, scale, &options, Progress::HIDDEN).unwrap().metric().unwrap().clone()
+    let (eyes, known): (_, Known) = (cameras(4.0, 40, |_| true), known.into());
+    parts(gaussians, field, &eyes, known, &options, Progress::HIDDEN).unwrap().metric().unwrap().clone()
+}
+
+fn weighing(kg: f64) -> Options {
+    Options { known_mass: Some(kg.into()), ..Options::default() }
 }
 
 fn close(found: f64, expected: f64, error: f64) {
@@ -115,7 +129,7 @@ fn a_reading_of_a_scale_narrows_what_is_inside() {
     let contents = || filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
     let expected = ball(contents(), &Options::default());
     let reading = 0.8 * expected.object.mass_kg.mid;
-    let known = ball(contents(), &Options { known_mass: Some(reading.into()), ..Options::default() });
+    let known = ball(contents(), &weighing(reading));
     let told = known.known_mass.as_ref().unwrap();
     assert!(told.is_possible && told.expected_kg == expected.object.mass_kg);
     close(known.object.mass_kg.mid, reading, 0.01);
@@ -133,12 +147,61 @@ fn a_reading_that_nothing_explains_is_said_and_changes_nothing() {
     let contents = || filling(1000.0, Estimate::exactly(1.0));
     let expected = ball(contents(), &Options::default());
     for (reading, words) in [(1e5, "denser than solid steel"), (1.0, "the nearest is")] {
-        let known = ball(contents(), &Options { known_mass: Some(reading.into()), ..Options::default() });
+        let known = ball(contents(), &weighing(reading));
         assert_eq!(known.object, expected.object);
         assert!(!known.known_mass.as_ref().unwrap().is_possible);
         let said = known.warnings.iter().any(|warning| warning.to_lowercase().contains(words));
         assert!(said, "{words}: {:?}", known.warnings);
     }
+}
+
+/// A full ball weighs half a tonne, as such a thing does.
+fn half_a_tonne(of_label: Vec<Vec<(FieldPart, f64)>>) -> Possibilities {
+    possible(Range::new(400.0, 700.0), of_label)
+}
+
+#[test]
+fn what_is_believed_is_as_it_was_if_a_reading_is_impossible() {
+    let contents = || filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
+    let expected = ball_that_may_be(contents(), Some(&half_a_tonne), &Options::default());
+    let known = ball_that_may_be(contents(), Some(&half_a_tonne), &weighing(1e5));
+    let told = known.known_mass.unwrap();
+    assert!(!told.is_possible && told.expected_kg == expected.object.mass_kg);
+    assert_eq!((known.object, known.parts), (expected.object, expected.parts));
+    assert_eq!((known.fillings, known.belief), (expected.fillings, expected.belief));
+}
+
+#[test]
+fn what_no_part_shows_is_on_the_scale_too() {
+    let with_weight = |of_label: Vec<Vec<(FieldPart, f64)>>| {
+        let mass_kg = Range::new(99.0, 101.0);
+        let weight = Unnumbered { what: "a weight".to_owned(), probability: 1.0, place: None, mass_kg };
+        Possibilities { unnumbered: vec![weight], ..half_a_tonne(of_label) }
+    };
+    let contents = filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
+    let known = ball_that_may_be(contents, Some(&with_weight), &weighing(500.0));
+    assert!(known.known_mass.as_ref().unwrap().is_possible);
+    close(known.object.mass_kg.mid, 500.0, 0.01);
+    close(known.parts[0].mass_kg.unwrap().mid + known.fillings[0].mass_kg.mid, 400.0, 0.01);
+    // The weight is taken to be spread like the rest.
+    let per_kg = |parts: &Parts| parts.object.inertia_kg_m2[0][0] / parts.object.mass_kg.mid;
+    let without = ball(filling(1000.0, Estimate::new(0.5, 0.9, 1.0)), &weighing(400.0));
+    close(per_kg(&known), per_kg(&without), 1e-3);
+}
+
+/// The wall has to be thicker than the answer says, since the filling is known.
+#[test]
+fn what_is_printed_is_known_of_what_is_weighed() {
+    const PRINTED_KG: f64 = 200.0;
+    let with_print = |of_label: Vec<Vec<(FieldPart, f64)>>| {
+        let printed = Printed { text: "200 kg".to_owned(), mass_kg: Some(PRINTED_KG), volume_m3: None };
+        Possibilities { printed: Some(printed), ..half_a_tonne(of_label) }
+    };
+    let wall_kg = 4.0 * PI * RADIUS_M.powi(2) * WALL_M * 1000.0;
+    let contents = filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
+    let known = ball_that_may_be(contents, Some(&with_print), &weighing(PRINTED_KG + 1.2 * wall_kg));
+    close(known.fillings[0].mass_kg.mid, PRINTED_KG, 0.02);
+    close(known.parts[0].mass_kg.unwrap().mid, 1.2 * wall_kg, 0.1);
 }
 
 #[test]
@@ -197,7 +260,7 @@ fn a_heavy_reading_overfills_no_hollow() {
     let full = ball(filling(1000.0, Estimate::exactly(1.0)), &Options::default()).fillings[0].volume_m3.mid;
     let refused = ball(contents.clone(), &Options { known_mass: Some(1e6.into()), ..Options::default() });
     let reading = 0.5 * (expected.object.mass_kg.mid + refused.known_mass.unwrap().possible_kg.high);
-    let weighed = ball(contents, &Options { known_mass: Some(reading.into()), ..Options::default() });
+    let weighed = ball(contents, &weighing(reading));
     assert!(weighed.known_mass.unwrap().is_possible);
     close(weighed.object.mass_kg.mid, reading, 0.01);
     let filling = &weighed.fillings[0];
@@ -210,7 +273,7 @@ fn a_heavy_reading_overfills_no_hollow() {
 fn after_a_weighing_no_single_source_is_wider_than_all() {
     let contents = filling(1000.0, Estimate::new(0.5, 0.9, 1.0));
     let reading = ball(contents.clone(), &Options::default()).object.mass_kg.mid;
-    let weighed = ball(contents, &Options { known_mass: Some(reading.into()), ..Options::default() });
+    let weighed = ball(contents, &weighing(reading));
     let whole = weighed.object.mass_kg;
     for width in &weighed.object.width {
         assert!(

@@ -16,14 +16,14 @@ mod corrected;
 pub mod spread;
 pub mod states;
 
-use super::mass::unknowns::{Belief, Effect, OVERCONFIDENCE, Owner, PRINTED_ERROR, Quantity, Source, Unknowns};
-use super::mass::weights::PrintedContents;
+use super::mass::unknowns::{Belief, OVERCONFIDENCE, PRINTED_ERROR, Quantity, Unknowns, extremes};
+use super::mass::weights::{PrintedContents, Weighing, unseen};
 use super::result::{AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
 use crate::materials::MaterialLibrary;
 use crate::query::{Alternative, Hypothesis, ObjectAnswers, Printed, RecognizedPart, Unnumbered};
-use crate::units::Estimate;
+use crate::units::{Estimate, Range};
 use crate::vote::{Contents, FieldPart, Filled, MaterialField};
-use spread::{Curve, Spread, joint};
+use spread::{Curve, Spread, joint, mean_density};
 use states::State;
 
 /// What the object and its parts may be, beside what the field says of them.
@@ -165,14 +165,27 @@ pub struct Believed {
     pub object: ObjectBelief,
     /// What the things that no part shows weigh, on the average, kg.
     pub unshown_kg: f64,
-    /// What the fillings weigh by what is printed on the object, in the most probable state.
+    /// What the fillings weigh by what is printed on the object, if parts are made in the ways that are taken.
     pub contents: Option<PrintedContents>,
     /// By label, the way that is taken, if there are several.
     pub taken: Vec<Option<usize>>,
-    /// The mass of the object.
+    /// The things that no part shows and that are taken to be there: number and mass.
+    pub unseen: Vec<(usize, Range)>,
+    /// The mass of the object, by all but a reading of a kitchen scale.
     pub mass_kg: Estimate,
+    /// What the reading means, if there is one.
+    pub reading: Option<Read>,
     /// By label, of its material, and of what fills it.
     pub masses: Vec<[Option<Estimate>; 2]>,
+}
+
+/// A reading of a kitchen scale, compared with all states.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Read {
+    /// The bounds of the mass under the state in which they are nearest to the reading, kg.
+    pub possible_kg: [f64; 2],
+    /// Whether any state allows it. If none does, nothing that is believed depends on it.
+    pub is_possible: bool,
 }
 
 /// Under this share of all probability, a hypothesis is not worth a mass of its own.
@@ -190,8 +203,8 @@ pub struct Evidence<'a> {
     pub labels: &'a [FieldPart],
     /// By label, the masses by shape and materials alone if parts are made in these ways, all over the same unknowns.
     pub masses_by_shape: &'a dyn Fn(&[usize]) -> Vec<PartMasses>,
-    /// A reading of a kitchen scale, kg.
-    pub reading_kg: Option<f64>,
+    /// What a kitchen scale shows.
+    pub weighing: Option<Weighing>,
 }
 
 /// A state with what it says of the mass.
@@ -203,11 +216,19 @@ struct Weighed {
     shape: Estimate,
 }
 
+impl Weighed {
+    fn all(&self) -> Vec<Quantity> {
+        self.masses.iter().flatten().flatten().chain(&self.extra).cloned().collect()
+    }
+}
+
 /// Weighs all evidence; `states` are those of [`states()`].
 pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns) -> Believed {
     let Evidence { possible, .. } = evidence;
     let stated: Vec<Spread> = possible.hypotheses.iter().map(|of| Spread::of_range(of.mass_kg)).collect();
     let states: Vec<Weighed> = states.into_iter().map(|state| weighed(evidence, state, unknowns)).collect();
+    let read = evidence.weighing.map(|weighing| read(weighing, &states, unknowns));
+    let weighing = evidence.weighing.filter(|_| read.is_some_and(|read| read.is_possible));
     let shapes: Vec<Spread> = states.iter().map(|of| Spread::of(of.shape)).collect();
     let empty = Curve::over(shapes.iter().chain(&stated));
     let (mut whole, mut by_shape) = (empty.clone(), empty.clone());
@@ -218,9 +239,8 @@ pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns)
         let stated = possible.stated_mass_counts.then_some(&stated[hypothesis]);
         let (product, together) = empty.product(shape, stated);
         let (_, overlap) = empty.product(shape, stated.map(|stated| stated.moved_to(shape)).as_ref());
-        // The belief about a mass that was read is known at that mass alone.
         let density = |ln_kg: f64| joint(shape.density(ln_kg), stated.map(|stated| stated.density(ln_kg)));
-        let at_reading = evidence.reading_kg.map(|kg| density(kg.ln()));
+        let at_reading = weighing.map(|of| mean_density(density, of.kg.ln(), of.relative_error()));
         let weight = probability * at_reading.unwrap_or(together) / overlap;
         whole.add(&product, probability / overlap);
         by_shape.add(&empty.product(shape, None).0, probability);
@@ -233,13 +253,14 @@ pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns)
     let posterior: Vec<f64> = given_state.iter().map(|(_, weight)| weight / all).collect();
     let given_state: Vec<Estimate> = given_state.into_iter().map(|(mass, _)| mass).collect();
     let of_hypothesis: Vec<f64> = by_hypothesis.iter().map(|(_, sum)| sum / all).collect();
-    let taken = taken(possible, &states, &posterior, &of_hypothesis);
+    let mut taken = taken(possible, &states, &posterior, &of_hypothesis);
+    let are_there = taken.split_off(possible.of_label.len());
+    let contents = contents(evidence, &taken, &(evidence.masses_by_shape)(&taken));
+    let taken: Vec<Option<usize>> =
+        taken.into_iter().zip(&possible.of_label).map(|(taken, of)| (!of.is_empty()).then_some(taken)).collect();
+    let unseen = possible.unnumbered.iter().map(|thing| thing.mass_kg).enumerate();
+    let unseen = unseen.zip(are_there).filter(|(_, there)| *there == 1).map(|(thing, _)| thing).collect();
     let unnumbered = things(possible, &states, &posterior);
-    let best = (0..states.len()).rev().max_by(|a, b| posterior[*a].total_cmp(&posterior[*b]));
-    let contents = best.and_then(|best| {
-        let choices = &states[best].state.choices;
-        contents(evidence, choices, &(evidence.masses_by_shape)(choices))
-    });
     let unshown = unnumbered.iter().map(|of| of.probability * of.mass_kg.geometric_estimate().mid);
     Believed {
         unshown_kg: unshown.sum(),
@@ -254,7 +275,17 @@ pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns)
         masses: masses(&states, &posterior, &given_state, unknowns),
         mass_kg: whole.percentiles(),
         taken,
+        unseen,
+        reading: read,
     }
+}
+
+/// Compares a reading with the bounds that each state sets.
+fn read(weighing: Weighing, states: &[Weighed], unknowns: &Unknowns) -> Read {
+    let bounds = states.iter().map(|of| extremes(unknowns, &of.all()));
+    let nearest = bounds.min_by(|a, b| weighing.off(*a).total_cmp(&weighing.off(*b)));
+    let possible_kg = nearest.expect("there is a state");
+    Read { possible_kg, is_possible: weighing.is_possible(possible_kg) }
 }
 
 /// The hypotheses with their probabilities and curves after the evidence.
@@ -293,14 +324,11 @@ fn weighed(evidence: &Evidence, state: State, unknowns: &mut Unknowns) -> Weighe
         fillings.for_each(|filling| *filling = contents.share(filling.mid / all, unknowns));
     }
     let is_there = possible.unnumbered.iter().zip(&state.choices[possible.of_label.len()..]);
-    let extra = is_there.enumerate().filter(|(_, (_, there))| **there == 1).map(|(n, (thing, _))| {
-        let unknown = unknowns.number(Source::Unnumbered, &Owner::Thing(n));
-        let mass = thing.mass_kg.geometric_estimate();
-        Quantity { mid: mass.mid, effects: vec![(unknown, Effect::of(mass))] }
-    });
-    let extra: Vec<Quantity> = extra.collect();
-    let all: Vec<Quantity> = masses.iter().flatten().flatten().chain(&extra).cloned().collect();
-    Weighed { shape: Belief::prior(unknowns).of_sum(&all), state, masses, extra }
+    let is_there = is_there.enumerate().filter(|(_, (_, there))| **there == 1);
+    let extra = is_there.map(|(n, (thing, _))| unseen(n, thing.mass_kg, unknowns)).collect();
+    let mut weighed = Weighed { shape: Estimate::exactly(0.0), state, masses, extra };
+    weighed.shape = Belief::prior(unknowns).of_sum(&weighed.all());
+    weighed
 }
 
 fn filling_kg(masses: &[PartMasses]) -> f64 {
@@ -342,20 +370,19 @@ fn contents(evidence: &Evidence, choices: &[usize], by_shape: &[PartMasses]) -> 
     Some(PrintedContents { kg, half_width: PRINTED_ERROR.hypot(of_share).hypot(of_density) })
 }
 
-/// For each label, the choice that is the most probable under the most probable hypothesis.
-fn taken(possible: &Possibilities, states: &[Weighed], posterior: &[f64], of_hypothesis: &[f64]) -> Vec<Option<usize>> {
+/// For each item of the states, the choice that is the most probable under the most probable hypothesis.
+fn taken(possible: &Possibilities, states: &[Weighed], posterior: &[f64], of_hypothesis: &[f64]) -> Vec<usize> {
     let best = (0..of_hypothesis.len()).rev().max_by(|a, b| of_hypothesis[*a].total_cmp(&of_hypothesis[*b]));
-    let of_label = |label: usize| {
-        let choices = possible.of_label[label].len();
+    let of_item = |(item, choices): (usize, usize)| {
         let mut sums = vec![0.0; choices];
         for (of, probability) in states.iter().zip(posterior).filter(|(of, _)| Some(of.state.hypothesis) == best) {
-            if let Some(sum) = sums.get_mut(of.state.choices[label]) {
-                *sum += probability;
-            }
+            sums[of.state.choices[item]] += probability;
         }
-        (0..choices).rev().max_by(|a, b| sums[*a].total_cmp(&sums[*b]))
+        (0..choices).rev().max_by(|a, b| sums[*a].total_cmp(&sums[*b])).unwrap_or(0)
     };
-    (0..possible.of_label.len()).map(of_label).collect()
+    let of_labels = (0..possible.of_label.len()).map(|label| possible.choices(label));
+    // A thing is there or not.
+    of_labels.chain(possible.unnumbered.iter().map(|_| 2)).enumerate().map(of_item).collect()
 }
 
 /// The probability that an item of the states is made in this way.
@@ -462,10 +489,8 @@ fn masses(
     order.truncate(WEIGHED_STATES);
     let mut found: Vec<[Mixture; 2]> = vec![[Vec::new(), Vec::new()]; labels];
     for &s in &order {
-        let Weighed { masses, extra, .. } = &states[s];
-        let all: Vec<Quantity> = masses.iter().flatten().flatten().chain(extra).cloned().collect();
-        let belief = Belief::in_which(unknowns, &all, given_state[s]);
-        for (found, masses) in found.iter_mut().zip(masses) {
+        let belief = Belief::in_which(unknowns, &states[s].all(), given_state[s]);
+        for (found, masses) in found.iter_mut().zip(&states[s].masses) {
             for (found, mass) in found.iter_mut().zip(masses) {
                 found.push((mass.as_ref().map(|mass| Spread::of(belief.of(mass))), posterior[s]));
             }
@@ -491,7 +516,7 @@ fn masses(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::units::Range;
+    use crate::parts::mass::unknowns::{Effect, Owner, Source};
 
     fn symmetric(half_width: f64) -> Effect {
         Effect { low: -half_width, high: half_width }
@@ -542,11 +567,16 @@ mod tests {
         built: &[Vec<PartMasses>],
         labels: &[FieldPart],
         unknowns: &mut Unknowns,
-        reading_kg: Option<f64>,
+        weighing: Option<Weighing>,
     ) -> Believed {
         let masses = |choices: &[usize]| built.iter().zip(choices).map(|(of, choice)| of[*choice].clone()).collect();
-        let evidence = Evidence { possible, labels, masses_by_shape: &masses, reading_kg };
+        let evidence = Evidence { possible, labels, masses_by_shape: &masses, weighing };
         believe(&evidence, states(possible), unknowns)
+    }
+
+    /// A kitchen scale shows this, within a hundredth of it.
+    fn reads(kg: f64) -> Option<Weighing> {
+        Some(Weighing { kg, error_kg: 0.01 * kg })
     }
 
     #[test]
@@ -614,7 +644,7 @@ mod tests {
     fn without_the_stated_masses_shape_and_materials_are_all() {
         let (mut possible, built, labels, mut unknowns) = two_parts();
         possible.stated_mass_counts = false;
-        let mut weighed = |reading_kg| weighed(&possible, &built, &labels, &mut unknowns, reading_kg);
+        let mut weighed = |weighing| weighed(&possible, &built, &labels, &mut unknowns, weighing);
         let believed = weighed(None);
         let ends = |mass: Estimate| [mass.low, mass.mid, mass.high];
         for (found, shape) in ends(believed.mass_kg).into_iter().zip(ends(believed.object.shape_kg)) {
@@ -623,15 +653,43 @@ mod tests {
         for (hypothesis, stated) in believed.object.hypotheses.iter().zip(&possible.hypotheses) {
             assert!((hypothesis.probability - stated.probability).abs() < 1e-4, "{hypothesis:?}");
         }
-        assert!(weighed(Some(0.2)).object.hypotheses[1].probability > 0.5, "a reading still decides");
+        assert!(weighed(reads(0.2)).object.hypotheses[1].probability > 0.5, "a reading still decides");
     }
 
     #[test]
-    fn a_reading_decides_between_hypotheses() {
+    fn a_reading_decides_between_hypotheses_unless_it_is_far_off() {
         let (possible, built, labels, mut unknowns) = two_parts();
-        let believed = weighed(&possible, &built, &labels, &mut unknowns, Some(0.2));
+        let mut weighed = |weighing| weighed(&possible, &built, &labels, &mut unknowns, weighing);
+        let (before, believed) = (weighed(None), weighed(reads(0.2)));
         assert!(believed.object.hypotheses[1].probability > 0.9, "{:?}", believed.object);
         assert_eq!(believed.taken[0], Some(1), "steel would be too heavy");
+        assert_eq!(believed.mass_kg, before.mass_kg, "as it was expected");
+        // A scale that may be off by a factor of a thousand says nothing.
+        let rough = weighed(Some(Weighing { kg: 0.2, error_kg: 0.2 * 1000f64.ln() }));
+        for (found, expected) in rough.object.hypotheses.iter().zip(&before.object.hypotheses) {
+            assert!((found.probability - expected.probability).abs() < 0.02, "{found:?}, {expected:?}");
+        }
+    }
+
+    #[test]
+    fn a_reading_that_no_state_allows_changes_nothing() {
+        let (mut possible, built, labels, mut unknowns) = two_parts();
+        let mut weighed = |possible: &Possibilities, kg: f64| {
+            let [before, after] = [None, reads(kg)].map(|of| weighed(possible, &built, &labels, &mut unknowns, of));
+            let is_ignored = after.object == before.object && after.taken == before.taken;
+            (after.reading.unwrap(), is_ignored)
+        };
+        // Steel and abs weigh 0.6 and 0.15 kg, and each unknown is good for a few percent.
+        let (Read { possible_kg: [_, most], is_possible }, is_ignored) = weighed(&possible, 1.5);
+        assert!(!is_possible && is_ignored && (0.75..1.0).contains(&most), "{most}");
+        // Between what steel and what plastic allow; nearer to plastic.
+        let (Read { possible_kg: [_, most], is_possible }, is_ignored) = weighed(&possible, 0.4);
+        assert!(!is_possible && is_ignored && most < 0.4, "{most}");
+        let thing =
+            Unnumbered { what: "a weight".into(), probability: 0.1, place: None, mass_kg: Range::new(0.7, 0.8) };
+        possible.unnumbered.push(thing);
+        let (Read { is_possible, .. }, is_ignored) = weighed(&possible, 1.5);
+        assert!(is_possible && !is_ignored, "the weight is there");
     }
 
     #[test]

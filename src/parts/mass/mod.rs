@@ -139,7 +139,8 @@ pub(super) fn object(weights: &Weights, whole: &Moments) -> Object {
         mass_kg: weights.belief.of_sum(&masses),
         width: weights.sum_by_source(&masses).into_iter().map(|(source, mass)| Width::new(source, mass)).collect(),
         center_of_mass_m: (whole.center * weights.length()).into(),
-        inertia_kg_m2: rows(whole.inertia() * weights.length().powi(2)),
+        // What no part shows is spread like the rest.
+        inertia_kg_m2: rows(whole.inertia() * (weights.length().powi(2) * weights.unseen_factor())),
     }
 }
 

@@ -430,6 +430,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 
 /// The least and the greatest sum that any combination of the unknowns' ends gives.
 pub fn extremes(unknowns: &Unknowns, masses: &[Quantity]) -> [f64; 2] {
+    let used = used(masses);
     let extreme = |raises: bool| {
         let is_beyond = |new: f64, old: f64| if raises { new > old } else { new < old };
         let mut z = vec![0.0; unknowns.count()];
@@ -437,7 +438,7 @@ pub fn extremes(unknowns: &Unknowns, masses: &[Quantity]) -> [f64; 2] {
         // How an unknown changes the sum depends on where the others are.
         loop {
             let before = extreme;
-            for n in 0..z.len() {
+            for &n in &used {
                 for end in [-1.0, 0.0, 1.0] {
                     let old = std::mem::replace(&mut z[n], end);
                     match total(masses, &z) {
@@ -458,12 +459,18 @@ fn total(quantities: &[Quantity], z: &[f64]) -> f64 {
     quantities.iter().map(|quantity| quantity.mid * quantity.log_factor(z).exp()).sum()
 }
 
-/// The sum as one quantity around `z`: its effects are the changes of its logarithm if a single unknown moves by one.
-fn summed(quantities: &[Quantity], z: &[f64]) -> Quantity {
-    let mid = total(quantities, z);
+/// The unknowns on which any of the quantities depends, in order.
+fn used(quantities: &[Quantity]) -> Vec<usize> {
     let mut used: Vec<usize> = quantities.iter().flat_map(|q| q.effects.iter().map(|(unknown, _)| *unknown)).collect();
     used.sort_unstable();
     used.dedup();
+    used
+}
+
+/// The sum as one quantity around `z`: its effects are the changes of its logarithm if a single unknown moves by one.
+fn summed(quantities: &[Quantity], z: &[f64]) -> Quantity {
+    let mid = total(quantities, z);
+    let used = used(quantities);
     let moved = |unknown: usize, end: fn(&Effect) -> f64| {
         let moved_quantity = |quantity: &Quantity| {
             let change: f64 = quantity.effects.iter().filter(|(own, _)| *own == unknown).map(|(_, e)| end(e)).sum();

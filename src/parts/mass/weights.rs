@@ -30,6 +30,8 @@ pub struct Weights {
     pub belief: Belief,
     /// Parts first, then fillings.
     pub all: Vec<Weight>,
+    /// What is weighed with them although no part shows it, kg.
+    unseen: Vec<Quantity>,
     /// Metres in a scene unit.
     pub scale: f64,
     /// The same as a quantity, unless it is exact.
@@ -57,6 +59,38 @@ impl Scale {
         let unknown = unknowns.number(Source::Scale, &Owner::Object);
         Some((unknown, Effect::of(Estimate::new(low, self.meters_per_unit, high)).wider(power)))
     }
+}
+
+/// What a kitchen scale shows.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Weighing {
+    pub kg: f64,
+    /// Half-width of its 90 % interval.
+    pub error_kg: f64,
+}
+
+impl Weighing {
+    /// By how much the reading is outside of these bounds, kg.
+    pub fn off(self, [least, most]: [f64; 2]) -> f64 {
+        (least - self.kg).max(self.kg - most).max(0.0)
+    }
+
+    /// Whether it may be of something with these bounds.
+    pub fn is_possible(self, bounds: [f64; 2]) -> bool {
+        self.off(bounds) <= self.error_kg
+    }
+
+    /// The half-width of the interval of its logarithm.
+    pub fn relative_error(self) -> f64 {
+        self.error_kg / self.kg
+    }
+}
+
+/// The mass of a thing that no part shows and that has this number.
+pub fn unseen(number: usize, mass_kg: Range, unknowns: &mut Unknowns) -> Quantity {
+    let unknown = unknowns.number(Source::Unnumbered, &Owner::Thing(number));
+    let mass = mass_kg.geometric_estimate();
+    Quantity { mid: mass.mid, effects: vec![(unknown, Effect::of(mass))] }
 }
 
 /// What all fillings of an object weigh together by what is printed on it.
@@ -87,35 +121,47 @@ impl Weights {
         let uncertain_scale = scale.effect(1.0, &mut unknowns);
         let uncertain_scale =
             uncertain_scale.map(|effect| Quantity { mid: scale.meters_per_unit, effects: vec![effect] });
-        Self { belief: Belief::prior(&unknowns), unknowns, all, scale: scale.meters_per_unit, uncertain_scale }
+        let (belief, unseen) = (Belief::prior(&unknowns), Vec::new());
+        Self { belief, unknowns, all, unseen, scale: scale.meters_per_unit, uncertain_scale }
     }
 
-    /// Takes over what is believed of the object: the mass that its parts have together, and what its fillings weigh by what is
-    /// printed on it.
-    pub fn believe(&mut self, together_kg: Estimate, contents: Option<PrintedContents>) {
+    /// Takes over what the fillings weigh by what is printed on the object.
+    pub fn print(&mut self, contents: PrintedContents) {
         let fillings: Vec<&mut Weight> = self.all.iter_mut().filter(|weight| weight.is_filling).collect();
         let all: f64 = fillings.iter().map(|weight| weight.mass.mid).sum();
-        if let Some(contents) = contents {
-            for weight in fillings {
-                weight.density = Quantity { mid: weight.density.mid * contents.kg / all, effects: Vec::new() };
-                weight.mass = contents.share(weight.mass.mid / all, &mut self.unknowns);
-            }
+        for weight in fillings {
+            weight.density = Quantity { mid: weight.density.mid * contents.kg / all, effects: Vec::new() };
+            weight.mass = contents.share(weight.mass.mid / all, &mut self.unknowns);
         }
+        self.belief = Belief::prior(&self.unknowns);
+    }
+
+    /// Takes over the mass that parts and fillings are believed to have together.
+    pub fn believe(&mut self, together_kg: Estimate) {
         self.belief = Belief::in_which(&self.unknowns, &self.masses(), together_kg);
     }
 
-    /// Takes into account that a kitchen scale read `reading_kg`, within `error_kg`. Returns the mass that was expected
-    /// before, the bounds that no combination of the unknowns' ends goes beyond, and whether the reading is possible; one
-    /// outside of the bounds changes nothing.
-    pub fn weigh(&mut self, reading_kg: f64, error_kg: f64) -> (Estimate, [f64; 2], bool) {
-        let masses = self.masses();
-        let before = self.belief.of_sum(&masses);
-        let [least, most] = extremes(&self.unknowns, &masses);
-        let is_possible = (least - error_kg..=most + error_kg).contains(&reading_kg);
-        if is_possible {
-            self.belief = Belief::after(&self.unknowns, &masses, reading_kg, error_kg / reading_kg);
-        }
-        (before, [least, most], is_possible)
+    /// The bounds of the mass of everything, which no combination of the unknowns' ends goes beyond.
+    pub fn bounds(&self) -> [f64; 2] {
+        extremes(&self.unknowns, &self.masses())
+    }
+
+    /// The mass of everything.
+    pub fn expected(&self) -> Estimate {
+        self.belief.of_sum(&self.masses())
+    }
+
+    /// Takes into account what a kitchen scale shows. On it are also the things that no part shows: number and mass of each.
+    pub fn weigh(&mut self, weighing: Weighing, things: &[(usize, Range)]) {
+        self.unseen = things.iter().map(|(number, mass)| unseen(*number, *mass, &mut self.unknowns)).collect();
+        self.belief = Belief::after(&self.unknowns, &self.masses(), weighing.kg, weighing.relative_error());
+    }
+
+    /// By how much everything is heavier than parts and fillings, as a factor.
+    pub fn unseen_factor(&self) -> f64 {
+        let unseen: f64 = self.unseen.iter().map(|mass| self.of(mass).mid).sum();
+        let shown: f64 = self.all.iter().map(|weight| self.of(&weight.mass).mid).sum();
+        1.0 + unseen / shown
     }
 
     /// Metres in a scene unit, unless they are exact.
@@ -149,7 +195,7 @@ impl Weights {
     }
 
     pub fn masses(&self) -> Vec<Quantity> {
-        self.all.iter().map(|weight| weight.mass.clone()).collect()
+        self.all.iter().map(|weight| &weight.mass).chain(&self.unseen).cloned().collect()
     }
 
     /// The interval of a mass if only the unknowns of one source were uncertain.
