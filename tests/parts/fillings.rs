@@ -253,6 +253,23 @@ fn a_weighing_corrects_an_uncertain_scale_everywhere() {
     }
 }
 
+/// Simulation, grasps and exports have the scale that was given.
+#[test]
+fn what_such_a_thing_weighs_changes_no_length() {
+    let range = Range::new(0.7 * SCALE.meters_per_unit, 1.5 * SCALE.meters_per_unit);
+    let uncertain = MetricScale { range: Some(range), ..SCALE };
+    let cloud = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |_| 0);
+    let (gaussians, field) = (cloud.gaussians(0.02), cloud.field(&[Form::Solid]));
+    let possible = possible(Range::new(900.0, 1100.0), vec![vec![(field.parts[0].clone(), 1.0)]]);
+    let known = Known { scale: Some(&uncertain), possible: Some(&possible) };
+    let found = measured(&gaussians, &field, known, &Options::default());
+    let given = measured(&gaussians, &field, Some(&uncertain), &Options::default());
+    let mass = |parts: &Parts| parts.object.mass_kg.mid;
+    assert!(mass(&found) > 1.5 * mass(&given), "{} and {}", mass(&found), mass(&given));
+    assert_eq!(found.meters_per_unit, given.meters_per_unit);
+    assert_eq!(found.parts[0].thickness_m, given.parts[0].thickness_m);
+}
+
 #[test]
 fn a_heavy_reading_overfills_no_hollow() {
     let contents = filling(1000.0, Estimate::new(0.3, 0.5, 0.8));

@@ -36,6 +36,8 @@ pub struct Weights {
     pub scale: f64,
     /// The same as a quantity, unless it is exact.
     uncertain_scale: Option<Quantity>,
+    /// The same as it is after a weighing, if there was one.
+    weighed_scale: Option<Estimate>,
 }
 
 /// The length of a scene unit.
@@ -122,7 +124,7 @@ impl Weights {
         let uncertain_scale =
             uncertain_scale.map(|effect| Quantity { mid: scale.meters_per_unit, effects: vec![effect] });
         let (belief, unseen) = (Belief::prior(&unknowns), Vec::new());
-        Self { belief, unknowns, all, unseen, scale: scale.meters_per_unit, uncertain_scale }
+        Self { belief, unknowns, all, unseen, scale: scale.meters_per_unit, uncertain_scale, weighed_scale: None }
     }
 
     /// Takes over what the fillings weigh by what is printed on the object.
@@ -155,6 +157,7 @@ impl Weights {
     pub fn weigh(&mut self, weighing: Weighing, things: &[(usize, Range)]) {
         self.unseen = things.iter().map(|(number, mass)| unseen(*number, *mass, &mut self.unknowns)).collect();
         self.belief = Belief::after(&self.unknowns, &self.masses(), weighing.kg, weighing.relative_error());
+        self.weighed_scale = self.uncertain_scale.as_ref().map(|scale| self.of(scale));
     }
 
     /// By how much everything is heavier than parts and fillings, as a factor.
@@ -164,12 +167,15 @@ impl Weights {
         1.0 + unseen / shown
     }
 
-    /// Metres in a scene unit, unless they are exact.
+    /// Metres in a scene unit, unless they are exact: as they were given, or after a weighing. What is otherwise believed of the mass
+    /// changes volumes, as an error of the surface does, but no length: whatever is measured or drawn in metres, of this object and
+    /// of those beside it, has the scale that was given.
     pub fn uncertain_scale(&self) -> Option<Estimate> {
-        self.uncertain_scale.as_ref().map(|scale| self.of(scale))
+        let given = || Some(Belief::prior(&self.unknowns).of(self.uncertain_scale.as_ref()?));
+        self.weighed_scale.or_else(given)
     }
 
-    /// Metres in a scene unit, as now believed: a weighing may have changed it.
+    /// Metres in a scene unit.
     pub fn length(&self) -> f64 {
         self.uncertain_scale().map_or(self.scale, |scale| scale.mid)
     }
