@@ -42,12 +42,11 @@ fn ball(inside: Contents, options: &Options) -> Parts {
     ball_that_may_be(inside, None, options)
 }
 
+/// By label, the ways in which a part may be made, with their probabilities.
+type Ways = Vec<Vec<(FieldPart, f64)>>;
+
 /// A ball of which this is possible, if its parts are made as they are.
-fn ball_that_may_be(
-    inside: Contents,
-    possible: Option<&dyn Fn(Vec<Vec<(FieldPart, f64)>>) -> Possibilities>,
-    options: &Options,
-) -> Parts {
+fn ball_that_may_be(inside: Contents, possible: Option<&dyn Fn(Ways) -> Possibilities>, options: &Options) -> Parts {
     let cloud = Cloud::sphere(Point3::new(0.1, -0.05, 0.02), 1.0, 8000, |_| 0);
     let wall_thickness_m = Range::new(0.8 * WALL_M, 1.2 * WALL_M);
     let (gaussians, mut field) = (cloud.gaussians(0.02), cloud.field(&[Form::Shell { wall_thickness_m }]));
@@ -156,7 +155,7 @@ fn a_reading_that_nothing_explains_is_said_and_changes_nothing() {
 }
 
 /// A full ball weighs half a tonne, as such a thing does.
-fn half_a_tonne(of_label: Vec<Vec<(FieldPart, f64)>>) -> Possibilities {
+fn half_a_tonne(of_label: Ways) -> Possibilities {
     possible(Range::new(400.0, 700.0), of_label)
 }
 
@@ -173,7 +172,7 @@ fn what_is_believed_is_as_it_was_if_a_reading_is_impossible() {
 
 #[test]
 fn what_no_part_shows_is_on_the_scale_too() {
-    let with_weight = |of_label: Vec<Vec<(FieldPart, f64)>>| {
+    let with_weight = |of_label: Ways| {
         let mass_kg = Range::new(99.0, 101.0);
         let weight = Unnumbered { what: "a weight".to_owned(), probability: 1.0, place: None, mass_kg };
         Possibilities { unnumbered: vec![weight], ..half_a_tonne(of_label) }
@@ -193,7 +192,7 @@ fn what_no_part_shows_is_on_the_scale_too() {
 #[test]
 fn what_is_printed_is_known_of_what_is_weighed() {
     const PRINTED_KG: f64 = 200.0;
-    let with_print = |of_label: Vec<Vec<(FieldPart, f64)>>| {
+    let with_print = |of_label: Ways| {
         let printed = Printed { text: "200 kg".to_owned(), mass_kg: Some(PRINTED_KG), volume_m3: None };
         Possibilities { printed: Some(printed), ..half_a_tonne(of_label) }
     };
