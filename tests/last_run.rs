@@ -1,4 +1,4 @@
-//! The options of the last run in a work folder, with which `gprop show`, `grasp`, `simulate` and `export` go on.
+//! The options of the last run in a work folder, with which every command on a scene goes on.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -154,7 +154,70 @@ fn commands_go_on_from_the_last_run() {
 }
 
 #[test]
-fn a_typed_option_wins_and_a_new_run_starts_afresh() {
+fn runs_and_questions_go_on_from_the_last_run() {
+    let ball = Ball::after_a_run();
+    let flags = ball.record()["flags"].clone();
+    let options = Some("--view-list=000,002 --scale=0.4 --segments=ball-0/labels");
+    for (name, more) in [
+        ("run", &["--to", "parts"][..]),
+        ("run", &["--dry-run"]),
+        ("report", &["--dry-run"]),
+        ("segment", &[]),
+        ("query", &[]),
+        ("query", &["--export", "open"]),
+        ("query", &["--prune"]),
+        ("answer", &["--dry-run"]),
+        ("vote", &[]),
+        ("parts", &[]),
+    ] {
+        assert_eq!(used(ball.gprop(name).args(more)).as_deref(), options, "{name} {more:?}");
+        assert_eq!(done(&ball.record()), [""; 0], "{name} {more:?}");
+        assert_eq!(ball.record()["flags"], flags, "{name} {more:?}");
+    }
+    assert_eq!(used(ball.gprop("run").args(["--to", "scene"])).unwrap(), "--view-list=000,002 --scale=0.4");
+    assert_eq!(used(ball.gprop("run").args(["--fresh", "--dry-run"])), None);
+}
+
+#[test]
+fn options_hold_until_the_answers_are_there() {
+    let ball = Ball::new();
+    let options = ["--segments", "ball-0/labels", "--view-list", "000", "--context", "local"];
+    assert_eq!(used(ball.gprop("query").args(["--export", "open"]).args(options)), None);
+    let kept = "--view-list=000 --segments=ball-0/labels --context=local";
+    assert_eq!(used(ball.gprop("query").args(["--import", "open"])).unwrap(), kept);
+    let output = ball.gprop("run").args(["--to", "parts", "--known-mass", "2kg"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(5), "{}", stderr(&output));
+    let weighed = used(ball.gprop("run").args(["--to", "parts"]).args(ball.balls.answers()));
+    assert_eq!(weighed.unwrap(), format!("{kept} --known-mass=2kg"));
+    let parts: Value = serde_json::from_slice(&fs::read(ball.work().join("parts.json")).unwrap()).unwrap();
+    assert_eq!(parts["known_mass"]["kg"]["mid"], json!(2.0), "{}", parts["known_mass"]);
+}
+
+#[test]
+fn scenes_of_a_batch_start_afresh() {
+    let balls = Balls::new(1);
+    let views = || {
+        let views: Value = serde_json::from_slice(&fs::read(balls.scene(0).join("gprop/views.json")).unwrap()).unwrap();
+        views["views"].as_array().unwrap().len()
+    };
+    used(gprop().arg("run").arg(balls.scene(0)).args(["--to", "scene", "--views", "1"]));
+    assert_eq!(views(), 1);
+    used(gprop().arg("batch").arg(balls.folder()).args(["--to", "scene"]));
+    assert_eq!(views(), 3);
+}
+
+#[test]
+fn a_picture_takes_nothing_from_the_mesh_beside_it() {
+    let folder = TempDir::new().unwrap();
+    let picture = folder.path().join("mug.png");
+    image::RgbImage::new(64, 64).save(&picture).unwrap();
+    fs::create_dir(folder.path().join("mug.gprop")).unwrap();
+    fs::write(folder.path().join("mug.gprop/run.json"), r#"{"flags": {"scene": ["--views=5"]}}"#).unwrap();
+    assert_eq!(used(gprop().arg("query").arg(&picture).arg("--dry-run")), None);
+}
+
+#[test]
+fn a_typed_option_wins_and_a_fresh_run_takes_none() {
     let ball = Ball::after_a_run();
     let out = TempDir::new().unwrap();
     let picture = out.path().join("a.png");
@@ -174,9 +237,9 @@ fn a_typed_option_wins_and_a_new_run_starts_afresh() {
     assert_refused(ball.gprop("grasp").args(["--part", "propeller"]), &["propeller"]);
     used(&mut ball.gprop("grasp"));
 
-    assert_eq!(used(ball.gprop("run").args(["--to", "scene", "--views", "1"])), None);
-    assert_eq!((ball.views().len(), &ball.record()["flags"]["scene"]), (1, &json!(["--views=1"])));
-    assert_eq!(used(ball.gprop("run").args(["--to", "scene"])), None);
+    assert_eq!(used(ball.gprop("run").args(["--to", "scene", "--views", "1"])).unwrap(), "--scale=0.4");
+    assert_eq!((ball.views().len(), &ball.record()["flags"]["scene"]), (1, &json!(["--views=1", "--scale=0.4"])));
+    assert_eq!(used(ball.gprop("run").args(["--to", "scene", "--fresh"])), None);
     assert_eq!((ball.views().len(), &ball.record()["flags"]["scene"]), (3, &Value::Null));
 }
 
@@ -235,7 +298,7 @@ fn a_preset_is_an_option_of_the_last_run() {
     used(ball.gprop("vote").args(vote));
     let out = TempDir::new().unwrap();
     let options = used(ball.gprop("show").arg(out.path().join("a.png")));
-    assert_eq!(options.unwrap(), "--preset=paper --view-list=000,002 --segments=ball-0/labels");
+    assert_eq!(options.unwrap(), "--preset=paper --view-list=000,002 --scale=0.4 --segments=ball-0/labels");
     assert_eq!(done(&ball.record()), [""; 0]);
 }
 
@@ -323,7 +386,7 @@ fn what_a_scenes_work_folder_may_not_say_is_refused_with_the_remedy() {
     ] {
         let flag = format!("--{name}={value}");
         ball.give_flags(json!({ "scene": [flag] }));
-        let words = ["run.json", &flag, "the last run", &format!("give --{name} again"), "--out", "gprop run"];
+        let words = ["run.json", &flag, "the last run", &format!("give --{name} again"), "--out", "--fresh"];
         assert_refused(ball.gprop("show").arg(&picture), &words);
         let to = ["--format", "npz", "--out"];
         assert_refused(ball.gprop("export").args(to).arg(out.path()), &["run.json", &flag, "--work"]);
@@ -332,7 +395,7 @@ fn what_a_scenes_work_folder_may_not_say_is_refused_with_the_remedy() {
     for flag in ["--views=banana", "--object-box=\u{1b}[31m", "--splat=a\u{0}b", "--segments=nowhere"] {
         ball.give_flags(json!({ "scene": [flag] }));
         let (name, _) = flag.split_once('=').unwrap();
-        assert_refused(ball.gprop("show").arg(&picture), &["run.json", name, "gprop run"]);
+        assert_refused(ball.gprop("show").arg(&picture), &["run.json", name, "--fresh"]);
     }
     let long = format!("--views={}", "9".repeat(100_000));
     ball.give_flags(json!({ "scene": [long] }));

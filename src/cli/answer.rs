@@ -229,11 +229,12 @@ impl Sitting {
 
     fn text(&self, weighed: &Weighed, scene: &str) -> String {
         let next = if self.is_done() {
-            format!("Go on with `gprop run {scene}` and the same options.")
+            format!("Go on with `gprop run {scene}`, and the same --out if you gave one.")
         } else {
             format!(
                 "`gprop answer {scene}` goes on with the others; `gprop run {scene} --answers partial` reports on the \
-                 answers so far; `gprop run {scene} --lmm-url URL --lmm-model NAME` lets a model answer the rest; all with the same options."
+                 answers so far; `gprop run {scene} --lmm-url URL --lmm-model NAME` lets a model answer the rest; all with the same --out if you \
+                 gave one."
             )
         };
         format!("{}\n{next}", self.standing(weighed))

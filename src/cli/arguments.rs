@@ -21,9 +21,6 @@ const MOST_THREADS: usize = 1024;
 /// More than anyone lets a program spend on one scene after another.
 const MOST_USD: f64 = 1e6;
 
-/// In the help of the commands that [go on from the last run](super::last_run).
-const GOES_ON: &str = "What was typed for the last run still holds: --preset, and the options that gprop.toml may set.";
-
 /// Materials and physical properties for every Gaussian of a 3D Gaussian Splatting scene.
 #[derive(Debug, Parser)]
 #[command(name = "gprop", version, args_override_self = true, max_term_width = 110)]
@@ -168,11 +165,21 @@ pub struct WorkArgs {
     #[arg(long)]
     pub dry_run: bool,
     #[command(flatten)]
+    pub last_run: LastRun,
+    #[command(flatten)]
     pub options: pipeline::Options,
 }
 
+/// Whether a command [goes on from the last run](super::last_run).
+#[derive(Debug, Clone, Args)]
+pub struct LastRun {
+    /// Start with the defaults and gprop.toml: what was typed for the last run (--preset, and the options that gprop.toml may
+    /// set) no longer holds.
+    #[arg(long)]
+    pub fresh: bool,
+}
+
 #[derive(Debug, Args)]
-#[command(after_help = GOES_ON)]
 pub struct ShowArgs {
     /// Folder with a splat, cameras and photos, or a mesh; stages that the picture needs and that have not run yet are run first.
     pub scene: PathBuf,
@@ -231,7 +238,6 @@ impl clap::ValueEnum for What {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = GOES_ON)]
 pub struct GraspArgs {
     #[command(subcommand)]
     pub what: Option<Grasp>,
@@ -273,7 +279,6 @@ pub enum Grasp {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = GOES_ON)]
 pub struct ExportArgs {
     /// Folder with a splat, cameras and photos, a mesh, or a URDF or MJCF; stages that have not run yet are run first.
     #[arg(required_unless_present = "list")]
@@ -328,6 +333,8 @@ pub struct ExportArgs {
     /// Work folder [default: SCENE/gprop]
     #[arg(long, value_name = "DIR")]
     pub work: Option<PathBuf>,
+    #[command(flatten)]
+    pub last_run: LastRun,
     #[command(flatten)]
     pub options: pipeline::Options,
 }
@@ -444,7 +451,7 @@ pub struct BatchArgs {
 }
 
 #[derive(Debug, Args)]
-#[command(after_help = GOES_ON, group = clap::ArgGroup::new("solver_input").multiple(true))]
+#[command(group = clap::ArgGroup::new("solver_input").multiple(true))]
 pub struct SimulateArgs {
     /// Folder with a splat, cameras and photos, or a mesh.
     #[arg(required_unless_present = "list")]

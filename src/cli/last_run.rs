@@ -1,8 +1,9 @@
-//! The options of the last run in a work folder, with which `gprop show`, `grasp`, `simulate` and `export` go on.
+//! The options of the last run in a work folder, with which every command on a scene goes on unless `--fresh` is given.
 //!
-//! Each stage leaves in `run.json` the flags that were typed for it. The four commands insert those of the stages that
+//! Each stage leaves in `run.json` the flags that were typed for it. The commands insert those of the stages that
 //! they may run before the typed ones, so that they find the results of the run instead of doing them again with the
-//! defaults.
+//! defaults. Scenes of a batch and runs of the Python module start afresh: a program says all of its options each time,
+//! and the same program must have the same results.
 //!
 //! They take flags, not the options that `run.json` stores for each stage: options do not tell what was typed from a default, a
 //! preset, or the scene's `gprop.toml`, which may have changed since, and whether a value may be taken back is known by flag.
@@ -21,12 +22,12 @@ use std::path::{Path, PathBuf};
 use clap::ArgMatches;
 
 use crate::config::{self, ConfigError, Flag, Owner};
-use crate::pipeline::{self, FieldFlags, Options, Plan, Stage, work_folder_of};
+use crate::pipeline::{self, FieldFlags, OBJECT, Options, Plan, Stage, work_folder_of};
 use crate::scene::{self, ObjectChoice, ObjectNumber};
 use crate::words::output::one_line;
 use crate::workdir::Artifact;
 
-use super::Global;
+use super::{Global, is_picture};
 
 /// Flags that no scene may set, but that are taken back from any work folder: they stand for flags that a scene may set.
 const FOR_SCENE_FLAGS: &[&str] = &["preset"];
@@ -53,26 +54,38 @@ const LONGEST_FLAG: usize = 128 * 1024;
 /// Characters that are shown at the beginning and at the end of a long recorded text.
 const MOST_SHOWN: usize = 250;
 
-/// The last stage that a command may run and the option that names its work folder, if it goes on from the last run.
-fn going_on(command: &str) -> Option<(Stage, &'static str)> {
+/// The last stage that a command may run on the work folder of a scene, if it goes on from the last run.
+fn going_on(command: &str, matches: &ArgMatches) -> Option<Stage> {
+    let is_given = |name: &str| matches.try_get_one::<bool>(name).ok().flatten() == Some(&true);
+    if is_given("fresh") || is_given("end_with_stdin") || matches.try_contains_id("for_python").unwrap_or(false) {
+        return None;
+    }
     match command {
-        "show" => Some((Stage::Vote, "out")),
-        "export" => Some((Stage::Grasp, "work")),
-        "simulate" => Some((Stage::Simulate, "out")),
-        "grasp" => Some((Stage::Grasp, "out")),
+        "run" => matches.try_get_one("to").ok().flatten().copied(),
+        "report" => Some(Stage::Report),
+        "segment" => Some(Stage::Segment),
+        "query" => Some(Stage::Query),
+        "vote" | "show" => Some(Stage::Vote),
+        "answer" | "parts" => Some(Stage::Parts),
+        "simulate" => Some(Stage::Simulate),
+        "grasp" | "export" => Some(Stage::Grasp),
         _ => None,
     }
 }
 
 /// The option that names the work folder of `command`, if it has one.
 pub fn work_option(command: &str) -> &'static str {
-    going_on(command).map_or("out", |(_, option)| option)
+    if command == "export" { "work" } else { "out" }
 }
 
-/// The stage whose options are only for the command itself, if the command goes on from the last run: the user may be
-/// trying out a simulation or a grasp, or exporting a grasp. A later command does the stage again with its own options.
+/// The stage whose options are only for the command itself, if there is one: the user may be trying out a simulation or a
+/// grasp, or exporting a grasp. A later command does the stage again with its own options.
 pub fn once(command: &str) -> Option<Stage> {
-    going_on(command).map(|(to, _)| to).filter(|to| matches!(to, Stage::Simulate | Stage::Grasp))
+    match command {
+        "simulate" => Some(Stage::Simulate),
+        "grasp" | "export" => Some(Stage::Grasp),
+        _ => None,
+    }
 }
 
 /// The flags of the last run on `scene` that `command` reuses: those that no typed flag replaces.
@@ -85,22 +98,23 @@ pub fn flags(
     scene: &Path,
     known: &[Flag],
 ) -> Result<Vec<OsString>, ConfigError> {
-    let Some((to, option)) = going_on(command.get_name()) else { return Ok(Vec::new()) };
-    let named = matches.try_get_one::<PathBuf>(option).ok().flatten();
-    let object = match matches.try_get_one::<ObjectChoice>("object").ok().flatten().copied().unwrap_or_default() {
-        // All objects of a capture are run with the same options.
-        ObjectChoice::All => ObjectNumber::first(1).next().map_or(ObjectChoice::All, ObjectChoice::One),
-        chosen => chosen,
+    let Some(to) = going_on(command.get_name(), matches).filter(|_| !is_picture(scene)) else {
+        return Ok(Vec::new());
     };
+    let option = work_option(command.get_name());
+    let named = matches.try_get_one::<PathBuf>(option).ok().flatten();
+    let object = matches.try_get_one::<ObjectChoice>(OBJECT).ok().flatten().copied().unwrap_or_default();
     let home = scene::home(scene);
-    let Ok(root) = work_folder_of(scene, named.map(PathBuf::as_path), object) else { return Ok(Vec::new()) };
+    let Some((root, of_all)) = root_of(scene, named.map(PathBuf::as_path), object) else { return Ok(Vec::new()) };
     let owner = if named.is_some() { Owner::User } else { Owner::Scene };
     let path = root.join(Artifact::Run.path());
     let typed = super::stage_flags(matches);
     let mut flags = Vec::new();
     for text in pipeline::flags_of_last_run(&root, Plan::to(to)) {
         let Some((flag, value)) = parsed(&text, known) else { continue };
-        if is_replaced(&flag.name, OsStr::new(&text), &typed) {
+        // The work folder is that of the object.
+        let is_other = flag.name == OBJECT || of_all && is_of_one_object(&flag.name, value);
+        if is_other || is_replaced(&flag.name, OsStr::new(&text), &typed) {
             continue;
         }
         flags.push(taken_back(flag, value, &home, owner).ok_or_else(|| ConfigError::NotFromLastRun {
@@ -117,6 +131,25 @@ pub fn flags(
             Err(ConfigError::LastRun { path, problem })
         }
     }
+}
+
+/// The work folder of the last run on `scene`, and whether it stands for all objects of a capture: they are run with the same
+/// options, so those of the first are taken.
+fn root_of(scene: &Path, named: Option<&Path>, object: ObjectChoice) -> Option<(PathBuf, bool)> {
+    let root = |object| work_folder_of(scene, named, object).ok();
+    let own = root(object)?;
+    match object {
+        ObjectChoice::One(_) => Some((own, false)),
+        ObjectChoice::Auto if own.join(Artifact::Run.path()).exists() => Some((own, false)),
+        ObjectChoice::Auto | ObjectChoice::All => {
+            Some((root(ObjectChoice::One(ObjectNumber::first(1).next()?))?, true))
+        }
+    }
+}
+
+/// Whether a flag can only have been typed for one object of a capture: a correction, or a mass without the object's number.
+fn is_of_one_object(name: &str, value: &str) -> bool {
+    name == "correct" || name == "known-mass" && !value.contains('=')
 }
 
 /// The flag with its value if it is one that gprop records; the value is empty if the flag takes none.

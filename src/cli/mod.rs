@@ -43,8 +43,8 @@ use crate::words::output;
 use crate::words::progress::{Progress, ShowProgress};
 use crate::{config, exit, export};
 use arguments::{
-    AnswerArgs, BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, Materials, QueryArgs,
-    ReportArgs, RunArgs, Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
+    AnswerArgs, BatchArgs, Cli, Command, Compat, Evaluate, ExportArgs, Global, Grasp, GraspArgs, LastRun, Materials,
+    QueryArgs, ReportArgs, RunArgs, Scale, SceneArgs, ShowArgs, SimulateArgs, StageFlags, ViewArgs, What, WorkArgs,
 };
 
 /// The program: runs the command line, prints an error once, and returns the exit code. A panic is reported as a bug

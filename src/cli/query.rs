@@ -60,6 +60,7 @@ pub fn query(global: &Global, args: &QueryArgs) -> Result<()> {
         Some(action) if !args.scene.work.dry_run => {
             let mut pipeline = scene::open(global, &args.scene.scene, &args.scene.work, Stage::Consensus, true)?;
             pipeline.run()?;
+            pipeline.keep_flags(Stage::Query)?;
             let open = pipeline.opened();
             let about = FoundSubjects::of(open)?;
             let session = session_of(open, &about, &open.options.query)?;

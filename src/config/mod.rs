@@ -83,10 +83,10 @@ pub enum ConfigError {
     Twice { path: PathBuf, line: usize, key: String, earlier: usize },
     #[error(
         "{path:?}: the last run had {flag}, which gprop does not take from a scene's work folder, because that may come from \
-         anyone; give --{name} again, name the work folder with {option}, or start afresh with `gprop run`"
+         anyone; give --{name} again, name the work folder with {option}, or start afresh with --fresh"
     )]
     NotFromLastRun { path: PathBuf, flag: String, name: String, option: &'static str },
-    #[error("{path:?}: the options of the last run cannot be used again: {problem}; start afresh with `gprop run`")]
+    #[error("{path:?}: the options of the last run cannot be used again: {problem}; start afresh with --fresh")]
     LastRun { path: PathBuf, problem: String },
 }
 

@@ -182,6 +182,11 @@ impl Pipeline {
         &self.run
     }
 
+    /// Stores the flags that were typed for a stage which a later command does.
+    pub(crate) fn keep_flags(&mut self, stage: Stage) -> Result<()> {
+        self.run.keep_flags(&self.open, &[stage])
+    }
+
     /// Does one more stage, all of whose inputs are done, unless its results from an earlier run can be reused.
     pub(crate) fn also(&mut self, stage: Stage) -> Result<()> {
         self.run.step(&self.open, stage)

@@ -13,9 +13,10 @@ use super::plan::Plan;
 use super::record::{FieldFlags, Left, RunRecord};
 use super::stages::{Done, Job, OpenScene, Output, Stage, StageRecord};
 use super::stored::with_portable_paths;
-use crate::error::{Context, Result};
+use crate::error::{Context, ErrorKind, Result};
 use crate::files::json;
 use crate::words::progress::StageNumber;
+use crate::workdir::Artifact;
 
 /// The stages of a scene: those that are planned, and those that are done.
 pub struct Run {
@@ -54,9 +55,26 @@ impl Run {
             if !self.done.contains(&stage) {
                 open.progress().check()?;
                 open.number = Some(StageNumber { number: index + 1, of: stages.len() });
-                self.step(open, stage)?;
+                if let Err(error) = self.step(open, stage) {
+                    // Unlike any other failure, a missing answer is no fault of the stage's options.
+                    let first = if error.kind() == ErrorKind::Answer { index } else { index + 1 };
+                    self.keep_flags(open, &stages[first..])?;
+                    return Err(error);
+                }
                 self.done.push(stage);
             }
+        }
+        Ok(())
+    }
+
+    /// Stores the flags that were typed for stages which have to wait, so that the next command does them as they were asked for.
+    pub fn keep_flags(&mut self, open: &OpenScene, stages: &[Stage]) -> Result<()> {
+        let before = self.record.flags.clone();
+        for stage in stages.iter().filter(|stage| self.command_line.once != Some(**stage)) {
+            self.record.keep_flags(*stage, &self.command_line.typed);
+        }
+        if self.record.flags != before && open.work.is_writable() {
+            open.work.write_json(Artifact::Run, &self.record)?;
         }
         Ok(())
     }

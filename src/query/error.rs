@@ -228,7 +228,7 @@ fn ways_to_answer(scene: Option<&str>, option: &str, some: bool) -> String {
     let so_far = if some { "; or go on with the answers so far: --answers partial" } else { "" };
     format!(
         "Answer by hand: gprop answer {of}; or ask a model: --lmm-url URL --lmm-model NAME with the key in OPENAI_API_KEY{so_far}; \
-         or answer elsewhere: gprop query {of} --export DIR, then gprop query {of} --import DIR, with the same options"
+         or answer elsewhere: gprop query {of} --export DIR, then gprop query {of} --import DIR, and the same --out if you gave one"
     )
 }
 

@@ -126,7 +126,7 @@ fn what_is_missing_is_said_with_the_command_that_makes_it() {
     run(&balls, "segment", &["--views", "2"]);
     refused(&segmentation(&balls, &[]), &["was done again after", "gprop run"]);
     refused(&mass(&balls, &[]), &["was done again after", "gprop run"]);
-    run(&balls, "parts", &[]);
+    run(&balls, "parts", &["--fresh"]);
     change(&scene.join("gprop/segments/001.png"));
     refused(&segmentation(&balls, &[]), &["segments/001.png", "has changed since gprop wrote it", "gprop run"]);
     run(&balls, "parts", &[]);

@@ -170,7 +170,7 @@ fn a_file_of_corrections_counts_for_more_than_gprop_toml() {
     let page = file(&balls, "report.html");
     assert!(page.contains("name=\"material\" value=\"stainless steel 304\"") && page.contains("value=\"4mm\""));
 
-    let again = |more: &[&str]| run(&balls, &[&["--to", "parts", "--answers", "replay"], more].concat());
+    let again = |more: &[&str]| run(&balls, &[&["--fresh", "--to", "parts", "--answers", "replay"], more].concat());
     let kept = again(&[]);
     assert!(kept.status.success() && made_of(&balls).0 == "stainless steel 304", "{}", said(&kept));
     assert!(again(&["--correct", "ball.material=borosilicate glass"]).status.success());
@@ -237,10 +237,10 @@ fn a_correction_counts_for_more_than_any_answer_and_is_taken_back() {
     let options = balls.scene(0).join("gprop.toml");
     let without = fs::read_to_string(&options).unwrap();
     fs::write(&options, format!("{without}\n[part.ball]\nmaterial = \"aluminum 6061-t6\"\nwall = \"3mm\"\n")).unwrap();
-    assert!(run(&balls, &["--to", "parts"]).status.success());
+    assert!(run(&balls, &["--to", "parts", "--fresh"]).status.success());
     assert_eq!(parts(&balls)["parts"], found["parts"]);
     fs::write(&options, without).unwrap();
-    assert!(run(&balls, &["--to", "parts"]).status.success());
+    assert!(run(&balls, &["--to", "parts", "--fresh"]).status.success());
     assert_eq!(file(&balls, "parts.json"), answered);
     assert_eq!(count.load(Ordering::SeqCst), 1);
 }

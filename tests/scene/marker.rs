@@ -303,7 +303,7 @@ fn the_scene_stage_finds_the_marker_and_later_stages_use_it() {
         image::image_dimensions(sheet).unwrap().1
     };
     let without = height_of_sheet("without", &["--scale", "auto"]);
-    let with = height_of_sheet("with", &[]);
+    let with = height_of_sheet("with", &["--fresh"]);
     assert!(with > without, "{with} {without}");
 
     std::fs::write(folder.path().join("gprop.toml"), "scale = \"apriltag:36h11,8=6cm\"\n").unwrap();

@@ -649,7 +649,7 @@ fn found_objects_are_compared_with_the_true_ones() {
 #[test]
 fn a_run_takes_all_objects_and_one_that_fails_does_not_stop_the_others() {
     let table = Table::new();
-    let (code, text, error) = table.run(&["run", "--to", "scene"]);
+    let (code, text, error) = table.run(&["run", "--to", "scene", "--views", "5"]);
     assert_eq!(code, Some(0), "{error}");
     assert!(error.contains("2 objects on the surface; each is run by itself"), "{error}");
     assert!(text.contains("object_1") && text.contains("index.html"), "{text}");
@@ -657,9 +657,13 @@ fn a_run_takes_all_objects_and_one_that_fails_does_not_stop_the_others() {
         let count = table.thing_of.iter().filter(|thing| **thing == number).count();
         assert_eq!(table.views_of(object)["gaussians"], count);
     }
-    // One object by itself goes on in the same folder.
-    let (code, text, error) = table.run(&["run", "--to", "scene", "--object", "2", "--dry-run"]);
-    assert_eq!((code, text.trim()), (Some(0), "scene     done"), "{error}");
+    // One object by itself goes on in the same folder, all go on together.
+    for (object, states) in [("2", "scene     done"), ("auto", "object_1\nscene     done\n\nobject_2\nscene     done")]
+    {
+        let (code, text, error) = table.run(&["run", "--to", "scene", "--object", object, "--dry-run"]);
+        assert_eq!((code, text.trim()), (Some(0), states), "{error}");
+        assert!(error.contains("options of the last run: --views=5\n"), "{error}");
+    }
     // A link in the place of the first object's folder is not followed.
     let folder = table.path().join("gprop/objects/object_1");
     std::fs::remove_dir_all(&folder).unwrap();

@@ -9,7 +9,7 @@ use crate::query::Preview;
 use crate::query::ask::cost::Cost;
 use crate::words::output::{counted, one_line};
 
-use super::super::{BatchArgs, Global, WorkArgs, options_of, print, scene};
+use super::super::{BatchArgs, Global, LastRun, WorkArgs, options_of, print, scene};
 
 /// What a batch would do.
 #[derive(Serialize)]
@@ -85,7 +85,7 @@ fn questions(global: &Global, args: &BatchArgs, of: &Selected) -> Result<Questio
     }
     let options = options_of(&of.folder, &global.flags.typed)?;
     let out = of.named_work().map(Into::into);
-    let work = WorkArgs { out, from: args.from, dry_run: true, options };
+    let work = WorkArgs { out, from: args.from, dry_run: true, last_run: LastRun { fresh: true }, options };
     let dry = scene::dry_run(global, &of.folder, &work, args.to, !args.no_simulate)?;
     Ok(if dry.lacks_parts() { Questions::Unknown } else { Questions::Known(dry.queries) })
 }

@@ -31,7 +31,7 @@ use words::Words;
 const INSTRUCTIONS: &str = "gprop gives a 3D Gaussian Splatting scene or a mesh materials, masses and grasps. Start with `inspect`. `run` \
                             needs answers about materials: get the open ones with `questions`, look at each picture, send answers with \
                             `answers` and repeat until none is open; then `run`, `grasp` and `export`. Masses need a scale (the options \
-                            `scale` or `known-mass`); give the same options to `questions`, `answers` and `run`. All units are SI.";
+                            `scale` or `known-mass`). Options hold for later calls on the scene, until `fresh`. All units are SI.";
 
 /// Serves a client on stdin and stdout.
 pub fn serve(global: &Global, args: &McpArgs) -> Result<()> {

@@ -55,13 +55,14 @@ pub fn all(pays: bool) -> Vec<Tool> {
     let scene = Kind::Command { on: Some(On::Scene) };
     let tool = |name, kind, command, flags: &[&[&str]], about| Tool::new(name, kind, command, &flags.concat(), about);
     let inspect: &[&str] = &["scale", "up", "view-list"];
-    let run: &[&str] = &["to", "no-simulate", "from", "out", "answers"];
-    let grasp: &[&str] = &["out", "answers", "part", "gripper", "object"];
+    let run: &[&str] = &["to", "no-simulate", "from", "out", "answers", "fresh"];
+    let grasp: &[&str] = &["out", "answers", "fresh", "part", "gripper", "object"];
     let export: &[&str] = &[
         "format",
         "out",
         "work",
         "answers",
+        "fresh",
         "object",
         "colliders",
         "samples",
@@ -105,7 +106,7 @@ pub fn all(pays: bool) -> Vec<Tool> {
             "questions",
             Kind::Questions,
             &["query"],
-            &[&["out"], OBJECT],
+            &[&["out", "fresh"], OBJECT],
             "The questions about materials that have no answer yet, each with its prompt, the schema of its answer and its picture. Look at the picture and answer with `answers`.",
         ),
         tool(
@@ -115,19 +116,13 @@ pub fn all(pays: bool) -> Vec<Tool> {
             &[&["out"], OBJECT],
             "Checks and records answers under a name; returns what was refused and why, how many questions are open now, and the mass on the answers so far.",
         ),
-        tool(
-            "grasp",
-            scene,
-            &["grasp"],
-            &[grasp],
-            "Where and with what force a gripper can lift the object; goes on from the last run with its options.",
-        ),
+        tool("grasp", scene, &["grasp"], &[grasp], "Where and with what force a gripper can lift the object."),
         tool(
             "export",
             scene,
             &["export"],
             &[export],
-            "Writes the result in the format of another program into the folder `out`, and returns the files; goes on from the last run with its options.",
+            "Writes the result in the format of another program into the folder `out`, and returns the files.",
         ),
         tool(
             "materials",

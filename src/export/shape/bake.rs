@@ -9,6 +9,7 @@ use image::{Rgb, RgbImage};
 use nalgebra::{Matrix3, Point3, Vector3};
 
 use super::atlas::Tile;
+use super::sieve::{Sieve, Stretched};
 use super::{Mesh, REACH, reach_of};
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
@@ -25,11 +26,13 @@ const DEPTH_CELLS: f64 = 4.0;
 /// Below this opacity, the splat shows nothing.
 const LEAST_OPACITY: f64 = 0.2;
 
+/// What is added to the standard deviations of Gaussians, so that none is 0, in cells of the object's grid.
+const LEAST_CELLS: f64 = 1e-3;
+
 /// Cameras whose colours are averaged.
 const VIEWS: usize = 4;
 
 /// A Gaussian as lines along normals meet it.
-#[derive(Clone, Copy)]
 struct Met {
     center: Point3<f64>,
     /// A line that passes the centre at a greater squared distance does not meet the Gaussian.
@@ -44,6 +47,7 @@ struct Met {
     ended: f64,
     /// Beyond this distance from its centre it has ended.
     radius: f64,
+    stretched: Stretched,
 }
 
 impl Met {
@@ -66,7 +70,8 @@ impl Met {
             if fewest > 0.0 { (ended / fewest, 1.0 - ROUNDING * most / fewest) } else { (f64::INFINITY, 0.0) };
         let radius = REACH * gaussians.scale(i).max();
         let (center, uncertain) = (gaussians.center(i), ROUNDING * most);
-        Self { center, reach2, certain, uncertain, precision, opacity, ended, radius }
+        let stretched = Stretched::of(precision, fewest > 0.0, ended);
+        Self { center, reach2, certain, uncertain, precision, opacity, ended, radius, stretched }
     }
 
     /// Whether a line along the unit vector `axis` through a place within `width` of the axis through `middle` may meet the
@@ -116,6 +121,8 @@ pub struct Painter<'a> {
     /// The Gaussians that touch each coarse cell.
     members: Lists,
     met: Vec<Met>,
+    /// For a first look at many: the centre of each Gaussian and a distance from it at which none is met any more.
+    balls: Vec<(Point3<f64>, f64)>,
     nearest: Nearest,
     /// Unit directions from the object to the cameras.
     towards: Vec<Vector3<f64>>,
@@ -140,13 +147,15 @@ impl<'a> Painter<'a> {
             }
         };
         let members = Lists::new(coarse.len(), each);
-        let least = (1e-3 * grid.cell).powi(2);
+        let least = LEAST_CELLS * grid.cell;
+        let met = parallel::map_range(gaussians.len(), |i| Met::of(gaussians, i, least * least));
         Self {
             gaussians,
             grid: coarse,
             depth: DEPTH_CELLS * grid.cell,
             members,
-            met: parallel::map_range(gaussians.len(), |i| Met::of(gaussians, i, least)),
+            balls: met.iter().map(|met| (met.center, met.radius + REACH * least)).collect(),
+            met,
             nearest: Nearest::new(gaussians.positions.iter().copied()),
             towards: cameras.iter().filter_map(|c| (c.center_in_world() - grid.middle()).try_normalize(1e-9)).collect(),
         }
@@ -171,6 +180,7 @@ impl<'a> Painter<'a> {
     fn tile(&self, mesh: &Mesh, normals: &[Vector3<f64>], triangle: [u32; 3], tile: &Tile) -> Vec<([u32; 2], [u8; 3])> {
         let (corners, normals) = (mesh.corners(triangle), triangle.map(|v| normals[v as usize]));
         let mut near = self.near(&corners, &normals);
+        near.sieve = Some(self.sieve(&corners, &near.members));
         let steps = f64::from(tile.steps);
         let mut pixels = Vec::new();
         // One row more than the triangle has, for viewers to blend with, and the next row too if no other triangle has
@@ -216,7 +226,7 @@ impl<'a> Painter<'a> {
     /// The Gaussians that may be met on a line through a place between `corners`, along a normal between `normals`.
     fn near(&self, corners: &[Point3<f64>], normals: &[Vector3<f64>]) -> Near<'_> {
         let facing = mean_direction(normals);
-        let (low, high) = corners.iter().fold((corners[0], corners[0]), |(low, high), p| (low.inf(p), high.sup(p)));
+        let (low, high) = bounds(corners);
         let middle = nalgebra::center(&low, &high);
         let extent = 0.5 * (high - low).norm() + self.depth;
         // No place on such a line is farther from the line through the middle along the mean normal.
@@ -224,11 +234,16 @@ impl<'a> Painter<'a> {
         let spread = normals.iter().map(|n| if n.dot(&facing) > 0.0 { sideways(*n) } else { 1.0 }).fold(0.0, f64::max);
         let width = corners.iter().map(|p| sideways(p - middle)).fold(0.0, f64::max) + self.depth * spread;
         let half = Vector3::repeat(0.5 * self.grid.cell);
+        let is_near = |i: &u32| {
+            let (center, radius) = self.balls[*i as usize];
+            sideways(center - middle) <= (width + radius) * (1.0 + 1e-9)
+        };
         let mut members = Vec::new();
         if let Some([xs, ys, zs]) = self.grid.cells_between(low - half, high + half) {
             for z in zs[0]..=zs[1] {
                 for y in ys[0]..=ys[1] {
-                    (xs[0]..=xs[1]).for_each(|x| members.extend(self.members.of(self.grid.index([x, y, z]))));
+                    let cells = (xs[0]..=xs[1]).map(|x| self.grid.index([x, y, z]));
+                    members.extend(cells.flat_map(|cell| self.members.of(cell)).filter(|i| is_near(i)));
                 }
             }
         }
@@ -238,8 +253,16 @@ impl<'a> Painter<'a> {
             (gaussian.center - middle).norm() <= extent + gaussian.radius && gaussian.may_meet(middle, facing, width)
         };
         members.retain(|i| meets(&self.met[*i as usize]));
-        let members: Vec<(u32, Met)> = members.into_iter().map(|i| (i, self.met[i as usize])).collect();
-        Near { painter: self, views: self.views(facing), colors: vec![None; members.len()], members, met: Vec::new() }
+        let (views, colors) = (self.views(facing), vec![None; members.len()]);
+        Near { painter: self, views, colors, members, sieve: None, left: Vec::new(), met: Vec::new() }
+    }
+
+    /// A sieve for Gaussians near a triangle, which pays if many lines pass through it.
+    fn sieve(&self, corners: &[Point3<f64>], members: &[u32]) -> Sieve {
+        let (low, high) = bounds(corners);
+        let extent = 0.5 * (high - low).norm() + self.depth;
+        let stretched = members.iter().map(|i| &self.met[*i as usize]).map(|met| (met.center, met.stretched));
+        Sieve::new(stretched, nalgebra::center(&low, &high), extent, self.grid.cell)
     }
 
     /// Directions of sight of the cameras that face a surface best; along its normal if there are no cameras.
@@ -265,6 +288,11 @@ impl<'a> Painter<'a> {
     }
 }
 
+/// The lowest and the highest corner of the box around places.
+fn bounds(places: &[Point3<f64>]) -> (Point3<f64>, Point3<f64>) {
+    places.iter().fold((places[0], places[0]), |(low, high), p| (low.inf(p), high.sup(p)))
+}
+
 /// The mean of unit vectors as a unit vector; the first if they cancel out.
 fn mean_direction(of: &[Vector3<f64>]) -> Vector3<f64> {
     of.iter().sum::<Vector3<f64>>().try_normalize(1e-9).unwrap_or(of[0])
@@ -275,8 +303,12 @@ struct Near<'a> {
     painter: &'a Painter<'a>,
     /// Directions of sight.
     views: Vec<[f32; 3]>,
-    members: Vec<(u32, Met)>,
+    members: Vec<u32>,
     colors: Vec<Option<[f64; 3]>>,
+    /// For many places.
+    sieve: Option<Sieve>,
+    /// What the sieve leaves, as indices in `members`.
+    left: Vec<usize>,
     /// The Gaussians met at one place: distance outward, opacity, index in `members`.
     met: Vec<(f64, f64, usize)>,
 }
@@ -284,15 +316,21 @@ struct Near<'a> {
 impl Near<'_> {
     /// The colour at a place on a surface, sRGB.
     fn color(&mut self, at: Point3<f64>, normal: Vector3<f64>) -> [u8; 3] {
-        let Self { painter, views, members, colors, met } = self;
+        let Self { painter, views, members, colors, sieve, left: may_be_met, met } = self;
+        may_be_met.clear();
+        match sieve {
+            Some(sieve) => sieve.sift(at, normal, may_be_met),
+            None => may_be_met.extend(0..members.len()),
+        }
         met.clear();
-        for (n, (_, gaussian)) in members.iter().enumerate() {
+        for &n in may_be_met.iter() {
+            let gaussian = &painter.met[members[n] as usize];
             met.extend(gaussian.on_line(at, normal, painter.depth).map(|(place, alpha)| (place, alpha, n)));
         }
         met.sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.2.cmp(&b.2)));
         let (mut color, mut left) = ([0.0; 3], 1.0);
         for &(_, alpha, n) in met.iter() {
-            let own = *colors[n].get_or_insert_with(|| painter.seen(members[n].0, views));
+            let own = *colors[n].get_or_insert_with(|| painter.seen(members[n], views));
             (0..3).for_each(|c| color[c] += left * alpha * own[c]);
             left *= 1.0 - alpha;
             if left < 1e-3 {

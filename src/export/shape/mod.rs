@@ -11,6 +11,7 @@ mod bake;
 mod clearance;
 mod colliders;
 mod footing;
+mod sieve;
 mod simplify;
 mod solid;
 mod surface;
