@@ -190,7 +190,7 @@ fn options_hold_until_the_answers_are_there() {
     let weighed = used(ball.gprop("run").args(["--to", "parts"]).args(ball.balls.answers()));
     assert_eq!(weighed.unwrap(), format!("{kept} --known-mass=2kg"));
     let parts: Value = serde_json::from_slice(&fs::read(ball.work().join("parts.json")).unwrap()).unwrap();
-    assert_eq!(parts["known_mass"]["kg"]["mid"], json!(2.0), "{}", parts["known_mass"]);
+    assert_eq!(parts["known_mass"]["reading_kg"], json!(2.0), "{}", parts["known_mass"]);
 }
 
 #[test]
