@@ -148,7 +148,7 @@ class RunOptions(StageOptions, total=False):
     no_simulate: Annotated[bool, "Leave out the simulation and its film"]
     out: Annotated[Path, "Work folder [default: SCENE/gprop, or mug.gprop beside mug.glb]"]
     from_: Annotated[Literal["scene", "segment", "consensus", "query", "vote", "parts", "simulate", "grasp", "report"], "Run this stage and those after it again, even if an earlier run did them [possible values: scene, segment, consensus, query, vote, parts, simulate, grasp, report]"]
-    fresh: Annotated[bool, "Start with the defaults and gprop.toml: what was typed for the last run (--preset, and the options that gprop.toml may set) no longer holds"]
+    fresh: Annotated[bool, "Start with the defaults and gprop.toml, without the options of the last run"]
 
 
 class ExportOptions(StageOptions, total=False):
@@ -171,7 +171,7 @@ class ExportOptions(StageOptions, total=False):
     wikidata: Annotated[str, "Wikidata's item for this kind of thing, likewise: Q25294 is a hammer"]
     semantic_label: Annotated[str, "Semantic label of the whole object in USD [default: prop]"]
     work: Annotated[Path, "Work folder [default: SCENE/gprop]"]
-    fresh: Annotated[bool, "Start with the defaults and gprop.toml: what was typed for the last run (--preset, and the options that gprop.toml may set) no longer holds"]
+    fresh: Annotated[bool, "Start with the defaults and gprop.toml, without the options of the last run"]
 
 
 class AuditOptions(Options, total=False):

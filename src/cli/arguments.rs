@@ -173,8 +173,7 @@ pub struct WorkArgs {
 /// Whether a command [goes on from the last run](super::last_run).
 #[derive(Debug, Clone, Args)]
 pub struct LastRun {
-    /// Start with the defaults and gprop.toml: what was typed for the last run (--preset, and the options that gprop.toml may
-    /// set) no longer holds.
+    /// Start with the defaults and gprop.toml, without the options of the last run.
     #[arg(long)]
     pub fresh: bool,
 }
