@@ -292,6 +292,23 @@ fn two_hundred_things_are_found_each_by_itself() {
 }
 
 #[test]
+fn things_that_touch_in_one_place_are_told_apart() {
+    let with_second = |low: [f32; 3], high: [f32; 3]| {
+        let brick = block([0.1, -0.3, 0.01], [0.5, -0.1, 0.21], [0.8, 0.3, 0.2]);
+        Table::with(together([(NOTHING, table_top(1.0)), (BRICK, brick), (CUP, block(low, high, [0.2, 0.3, 0.8]))]))
+    };
+    let find = |table: &Table| StandingObjects::find(table.path(), &Options::default()).unwrap();
+    let corner_to_corner = with_second([0.5, -0.1, 0.01], [0.7, 0.1, 0.15]);
+    let found = find(&corner_to_corner);
+    assert_eq!(found.count, 2);
+    let truth = found.object_of_gaussian.iter().zip(&corner_to_corner.thing_of);
+    let wrong = truth.filter(|(found, true_thing)| found != true_thing).count();
+    assert!(wrong <= 5, "{wrong} Gaussians; those at the contact may be of either");
+    let side_by_side = with_second([0.5, -0.3, 0.01], [0.9, -0.1, 0.15]);
+    assert_eq!(find(&side_by_side).count, 1);
+}
+
+#[test]
 fn things_in_rows_of_any_height_and_distance_are_found() {
     for (spacing, height) in [(0.19, 0.06), (0.13, 0.06), (0.13, 0.04), (0.09, 0.1), (0.19, 0.14)] {
         let table = Table::with(rows_of_blocks([9, 9], spacing, height));

@@ -34,7 +34,34 @@ impl Cells {
         self.index(at).is_some_and(|index| self.inside[index])
     }
 
-    fn index(&self, at: [i64; 2]) -> Option<usize> {
+    /// Number of cells of the rectangle, by whose indices the following go.
+    pub fn count(&self) -> usize {
+        self.inside.len()
+    }
+
+    pub fn holds(&self, index: usize) -> bool {
+        self.inside[index]
+    }
+
+    /// Column and row in the rectangle.
+    pub fn place(&self, index: usize) -> [usize; 2] {
+        [index % self.size[0], index / self.size[0]]
+    }
+
+    /// The cells of the rectangle within a distance of one, that one among them, with their distances.
+    pub fn within(&self, index: usize, distance: usize) -> impl Iterator<Item = (usize, f64)> {
+        let [x, y] = self.place(index);
+        let [columns, rows] = [(x, self.size[0]), (y, self.size[1])]
+            .map(|(at, count)| at.saturating_sub(distance)..(at + distance + 1).min(count));
+        let width = self.size[0];
+        rows.flat_map(move |row| columns.clone().map(move |column| [column, row])).filter_map(move |[column, row]| {
+            let away = (column.abs_diff(x) as f64).hypot(row.abs_diff(y) as f64);
+            (away <= distance as f64).then_some((row * width + column, away))
+        })
+    }
+
+    /// The index of a cell in the rectangle.
+    pub fn index(&self, at: [i64; 2]) -> Option<usize> {
         let [x, y] = [0, 1].map(|axis| usize::try_from(at[axis] - self.corner[axis]).unwrap_or(usize::MAX));
         let [width, height] = self.size;
         (x < width && y < height).then(|| y * width + x)

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use nalgebra::{Matrix2, Point2};
+use nalgebra::Point2;
 
 use super::cells::Cells;
 use super::{Cluster, Region, cell};
@@ -10,7 +10,7 @@ use super::{Cluster, Region, cell};
 /// Height of the Gaussians that tell where an object touches the support, in thicknesses of the surface.
 const FOOT: f64 = 2.0;
 /// Side of a cell of the foot.
-const FOOT_CELL: f64 = 1.0 / 400.0;
+pub(super) const FOOT_CELL: f64 = 1.0 / 400.0;
 /// Standard deviations of a Gaussian that the foot covers.
 const FOOT_DEVIATIONS: f64 = 1.5;
 /// Gaps in the rim of a foot that are closed have up to twice this many cells (20 mm if the cameras are a metre away); the rim is
@@ -42,9 +42,7 @@ impl Foot {
         let is_low = |i: &&usize| region.places[i].height <= (1.0 + FOOT) * surface.thickness;
         let mut covered = BTreeSet::new();
         for &i in cluster.indices.iter().filter(is_low) {
-            let spread =
-                surface.axes.transpose() * region.gaussians.covariance(i) * surface.axes / surface.unit.powi(2);
-            cover(&region.places[&i].along, &spread, &mut covered);
+            cover(region, i, &mut covered);
         }
         let mut solid = Cells::new(&covered, RIM_CELLS);
         solid.close(RIM_CELLS);
@@ -64,8 +62,10 @@ impl Foot {
 }
 
 /// Adds the cells whose centres lie within [`FOOT_DEVIATIONS`] of a Gaussian seen from above, and the cell of its own centre.
-fn cover(center: &Point2<f64>, spread: &Matrix2<f64>, covered: &mut BTreeSet<[i64; 2]>) {
-    let side = FOOT_CELL;
+pub(super) fn cover(region: &Region, i: usize, covered: &mut BTreeSet<[i64; 2]>) {
+    let (surface, side) = (&region.surface, FOOT_CELL);
+    let center = &region.places[&i].along;
+    let spread = surface.axes.transpose() * region.gaussians.covariance(i) * surface.axes / surface.unit.powi(2);
     let [x, y] = cell(center, side);
     covered.insert([x, y]);
     let Some(inverse) = spread.try_inverse() else { return };

@@ -6,15 +6,17 @@
 //! 3. [`Region::stands_on`]: clusters with the support around them are objects; walls, the edge of the table, what stands behind it,
 //!    and what reaches out of the region that the cameras look at are parts of the room, and so are wrinkles of a table cloth: low
 //!    and of its colours. A cluster that hovers over an object belongs to it.
-//! 4. [`Joining`]: the other Gaussians in an object's voxels join it, and over its [`Foot`] also those as low as the surface, so
+//! 4. [`waist`]: what touches in one place is told apart.
+//! 5. [`Joining`]: the other Gaussians in an object's voxels join it, and over its [`Foot`] also those as low as the surface, so
 //!    that nothing is cut off at the bottom.
-//! 5. [`sunken`]: on a rough surface, such as a bed, also those that are as low but of other colours than the surface.
+//! 6. [`sunken`]: on a rough surface, such as a bed, also those that are as low but of other colours than the surface.
 //!
-//! Things that touch are one object. All lengths are fractions of the cameras' median distance from the focus.
+//! All lengths are fractions of the cameras' median distance from the focus.
 
 mod cells;
 mod foot;
 mod sunken;
+mod waist;
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -138,10 +140,18 @@ struct Region<'a> {
 }
 
 /// Gaussians whose voxels touch.
+#[derive(Default)]
 struct Cluster {
     voxels: BTreeSet<[i64; 3]>,
     /// In the order of the splat.
     indices: Vec<usize>,
+}
+
+impl Cluster {
+    fn add(&mut self, region: &Region, i: usize) {
+        self.indices.push(i);
+        self.voxels.insert(region.voxel(&region.places[&i]));
+    }
 }
 
 /// Finds what stands on the support; nothing if the support is not seen near the focus.
@@ -150,8 +160,9 @@ pub(in crate::scene) fn find(gaussians: &Gaussians, focus: &Focus, support: &Pla
     let Some(region) = Region::around(gaussians, focus, support) else { return nothing() };
     let (standing, others): (Vec<Cluster>, Vec<Cluster>) =
         region.clusters().into_iter().partition(|cluster| region.stands_on(cluster));
+    let standing = standing.into_iter().flat_map(|cluster| waist::apart(&region, cluster));
     let (mut standing, aside): (Vec<Cluster>, Vec<Cluster>) =
-        standing.into_iter().partition(|cluster| region.middle(cluster).norm() < MIDDLE_WITHIN);
+        standing.partition(|cluster| region.middle(cluster).norm() < MIDDLE_WITHIN);
     standing.sort_by(|a, b| b.indices.len().cmp(&a.indices.len()).then(a.indices[0].cmp(&b.indices[0])));
     region.join_hovering(&mut standing, others);
     let mut found = Standing { count: standing.len(), aside: aside.len(), ..nothing() };
@@ -220,27 +231,41 @@ impl<'a> Region<'a> {
         [x, y, (place.height / self.voxel).floor() as i64]
     }
 
+    /// The place of a Gaussian, to search for those near it.
+    fn point(&self, i: usize) -> [f32; 3] {
+        let place = &self.places[&i];
+        [place.along.x, place.along.y, place.height].map(|side| side as f32)
+    }
+
     fn is_above(&self, place: &Place) -> bool {
         place.height > self.surface.thickness
     }
 
-    /// Whether a cluster is an object: large enough, close to the surface, within the region, with the support around it, and
-    /// no wrinkle.
-    fn stands_on(&self, cluster: &Cluster) -> bool {
-        if cluster.indices.len() < FEWEST_GAUSSIANS || cluster.voxels.len() < FEWEST_VOXELS {
-            return false;
-        }
-        let places = || cluster.indices.iter().map(|i| &self.places[i]);
-        let heights = places().map(|place| place.height);
-        let (low, high) = heights.fold((f64::INFINITY, 0.0_f64), |(low, high), at| (low.min(at), high.max(at)));
-        let middle = self.middle(cluster);
-        let leaves = places().any(|place| place.along.coords.norm() > REACH - self.voxel);
-        high > LEAST_HEIGHT * self.surface.thickness
+    /// Whether a cluster could stand on the surface by itself: it is large enough, high enough, and close to the surface.
+    fn could_stand(&self, cluster: &Cluster) -> bool {
+        let (low, high) = self.heights(cluster);
+        cluster.indices.len() >= FEWEST_GAUSSIANS
+            && cluster.voxels.len() >= FEWEST_VOXELS
+            && high > LEAST_HEIGHT * self.surface.thickness
             && low < self.surface.thickness + self.voxel
-            && !leaves
+    }
+
+    /// Whether a cluster is an object, or several that touch: it could stand, is within the region, with the support around it, and no
+    /// wrinkle.
+    fn stands_on(&self, cluster: &Cluster) -> bool {
+        let (_, high) = self.heights(cluster);
+        let middle = self.middle(cluster);
+        let is_outside = |i: &usize| self.places[i].along.coords.norm() > REACH - self.voxel;
+        self.could_stand(cluster)
+            && !cluster.indices.iter().any(is_outside)
             && self.surrounded(cluster)
                 >= if middle.norm() < IN_MIDDLE { LEAST_SURROUNDED_IN_MIDDLE } else { LEAST_SURROUNDED }
             && (high > MOST_WRINKLE * self.surface.thickness || self.is_of_other_colors(cluster))
+    }
+
+    fn heights(&self, cluster: &Cluster) -> (f64, f64) {
+        let heights = cluster.indices.iter().map(|i| self.places[i].height);
+        heights.fold((f64::INFINITY, 0.0_f64), |(low, high), at| (low.min(at), high.max(at)))
     }
 
     /// The mean place of a cluster along the surface, as seen from the focus.
