@@ -29,19 +29,22 @@ const MOST_LENGTH: f64 = 1.5;
 /// Least depth of a thing in cells: one of 25 mm in width, if the cameras are a metre away.
 const LEAST_DEPTH: f64 = 5.0;
 
-/// The things of a cluster: several if waists or gaps divide it, each of which could stand by itself. What could not joins the nearest.
+/// The things of a cluster: several if there are waists, and what is between them could stand by itself. What could not joins the nearest,
+/// and so does what no waist but a gap divides from the others: where a tool is thin, it may be as low as the surface.
 pub(super) fn apart(region: &Region, cluster: Cluster) -> Vec<Cluster> {
     let mut covered = BTreeSet::new();
     cluster.indices.iter().for_each(|i| cover(region, *i, &mut covered));
     let outline = Outline::of(&covered);
     let mut pieces: BTreeMap<usize, Cluster> = BTreeMap::new();
-    let basins = outline.basins();
+    let (basins, touching) = outline.basins();
     for &i in &cluster.indices {
         let at = outline.cells.index(cell(&region.places[&i].along, FOOT_CELL));
         pieces.entry(basins[at.expect("a Gaussian covers its own cell")]).or_default().add(region, i);
     }
-    let is_thing = |piece: &Cluster| outline.is_deep(region, piece) && region.could_stand(piece);
-    let (mut things, rest): (Vec<Cluster>, Vec<Cluster>) = pieces.into_values().partition(is_thing);
+    let is_thing = |(basin, piece): &(usize, Cluster)| touching.contains(basin) && region.could_stand(piece);
+    let (things, rest): (Vec<_>, Vec<_>) = pieces.into_iter().partition(is_thing);
+    let [mut things, rest]: [Vec<Cluster>; 2] =
+        [things, rest].map(|of| of.into_iter().map(|(_, piece)| piece).collect());
     if things.len() < 2 {
         return vec![cluster];
     }
@@ -76,15 +79,8 @@ impl Outline {
         Self { cells, depth }
     }
 
-    /// Whether a piece is deep enough to be a thing.
-    fn is_deep(&self, region: &Region, piece: &Cluster) -> bool {
-        let at = |i: &usize| self.cells.index(cell(&region.places[i].along, FOOT_CELL));
-        let depth = piece.indices.iter().filter_map(at).map(|at| self.depth[at]).max();
-        depth.is_some_and(|depth| f64::from(depth).sqrt() >= LEAST_DEPTH)
-    }
-
-    /// By cell, the basin that it is in, by the first of its cells.
-    fn basins(&self) -> Vec<usize> {
+    /// By cell, the basin that it is in, by the first of its cells; and the basins that touch another at a waist.
+    fn basins(&self) -> (Vec<usize>, BTreeSet<usize>) {
         let mut order: Vec<usize> = (0..self.depth.len()).filter(|at| self.depth[*at] > 0).collect();
         order.sort_by_key(|at| (Reverse(self.depth[*at]), *at));
         let mut flood = Flood {
@@ -95,7 +91,8 @@ impl Outline {
             waists: BTreeSet::new(),
         };
         order.into_iter().for_each(|at| flood.reach(at));
-        (0..self.depth.len()).map(|at| flood.basins.root(at).0).collect()
+        let basin_of = (0..self.depth.len()).map(|at| flood.basins.root(at).0).collect();
+        (basin_of, flood.waists.into_iter().flatten().collect())
     }
 }
 
@@ -185,7 +182,7 @@ mod tests {
         let all = (-80..80).flat_map(|x| (-80..80).map(move |y| [x, y]));
         let covered = all.filter(|[x, y]| shapes.iter().any(|holds| holds(*x as f64 + 0.5, *y as f64 + 0.5))).collect();
         let outline = Outline::of(&covered);
-        let inside = outline.basins().into_iter().zip(&outline.depth).filter(|(_, depth)| **depth > 0);
+        let inside = outline.basins().0.into_iter().zip(&outline.depth).filter(|(_, depth)| **depth > 0);
         inside.map(|(basin, _)| basin).collect::<BTreeSet<usize>>().len()
     }
 
