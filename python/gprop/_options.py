@@ -47,7 +47,7 @@ class StageOptions(Options, total=False):
     cache_embeddings: Annotated[bool, "Keep the output of SAM's encoder in the cache, for runs with other settings (4 MB per picture)"]
     points_per_side: Annotated[int, "Point prompts along each side of the grid (points_per_side) [default: 32]"]
     min_predicted_iou: Annotated[float, "Minimum IoU that SAM predicts for a mask (pred_iou_thresh) [default: 0.7]"]
-    min_stability: Annotated[float, "Minimum stability: the IoU between the masks at a stricter and a laxer threshold (stability_score_thresh) [default: 0.85]"]
+    min_stability: Annotated[float, "Minimum stability: IoU of the masks at a stricter and a laxer threshold (stability_score_thresh) [default: 0.85]"]
     stability_offset: Annotated[float, "Distance of those two thresholds from the mask's own, in logits (stability_score_offset) [default: 1]"]
     box_nms: Annotated[float, "If the boxes of two masks overlap by more than this IoU, keep only the better mask (box_nms_thresh) [default: 0.7]"]
     crop_layers: Annotated[int, "Layers of crops to segment besides the whole picture; layer i has 4^i crops (crop_n_layers; 1 in the paper's code) [default: 0]"]

@@ -114,7 +114,7 @@ pub struct GeneratorOptions {
     /// Minimum IoU that SAM predicts for a mask (pred_iou_thresh)
     #[arg(long, value_name = "IOU", default_value_t = 0.7, value_parser = SCORE)]
     pub min_predicted_iou: f32,
-    /// Minimum stability: the IoU between the masks at a stricter and a laxer threshold (stability_score_thresh)
+    /// Minimum stability: IoU of the masks at a stricter and a laxer threshold (stability_score_thresh)
     #[arg(long, value_name = "RATIO", default_value_t = 0.85, value_parser = SCORE)]
     pub min_stability: f32,
     /// Distance of those two thresholds from the mask's own, in logits (stability_score_offset)

@@ -22,15 +22,18 @@ use crate::numeric::nearest::Nearest;
 const GAP: usize = 1;
 /// How much deeper than a waist the things at its ends are.
 const DEEPER: f64 = 1.5;
-/// Most way from one end to the other, relative to the depth of the thinner of the two things: what it is, by geometry, where two circles meet
-/// at the deepest waist that counts. Of scans for fitting that were laid side by side at random, 60 % touch at such a waist. Within single
-/// ones, the way is at least 1.9 (from the frame of a hacksaw to its grip).
-const MOST_LENGTH: f64 = 1.5;
+/// Most way from one end to the other, relative to the depth of the thinner of the two things. Where two circles meet, it is up to 1.5, by
+/// geometry. Of scans for fitting that were laid side by side at random, 54 % touch at such a waist. Within a single one, from the frame of a
+/// hacksaw to its grip, it is as little as 1.5.
+const MOST_LENGTH: f64 = 1.3;
+/// Least height of a thing, in thicknesses of the surface, up to which all things are cut off. Where a low thing is thin, nothing may be left of it:
+/// a hammer and a hacksaw that lie on a table are 4 high, a bowl 7.
+const LEAST_HEIGHT: f64 = 6.0;
 /// Least depth of a thing in cells: one of 25 mm in width, if the cameras are a metre away.
 const LEAST_DEPTH: f64 = 5.0;
 
-/// The things of a cluster: several if there are waists, and what is between them could stand by itself. What could not joins the nearest,
-/// and so does what no waist but a gap divides from the others: where a tool is thin, it may be as low as the surface.
+/// The things of a cluster: several if there are waists, and what is between them is high enough and could stand by itself. What is not, and
+/// what no waist but a gap divides from the others, joins the nearest.
 pub(super) fn apart(region: &Region, cluster: Cluster) -> Vec<Cluster> {
     let mut covered = BTreeSet::new();
     cluster.indices.iter().for_each(|i| cover(region, *i, &mut covered));
@@ -41,7 +44,10 @@ pub(super) fn apart(region: &Region, cluster: Cluster) -> Vec<Cluster> {
         let at = outline.cells.index(cell(&region.places[&i].along, FOOT_CELL));
         pieces.entry(basins[at.expect("a Gaussian covers its own cell")]).or_default().add(region, i);
     }
-    let is_thing = |(basin, piece): &(usize, Cluster)| touching.contains(basin) && region.could_stand(piece);
+    let is_thing = |(basin, piece): &(usize, Cluster)| {
+        let (_, high) = region.heights(piece);
+        touching.contains(basin) && region.could_stand(piece) && high >= LEAST_HEIGHT * region.surface.thickness
+    };
     let (things, rest): (Vec<_>, Vec<_>) = pieces.into_iter().partition(is_thing);
     let [mut things, rest]: [Vec<Cluster>; 2] =
         [things, rest].map(|of| of.into_iter().map(|(_, piece)| piece).collect());
