@@ -303,7 +303,8 @@ fn things_that_touch_in_one_place_are_told_apart() {
     assert_eq!(found.count, 2);
     let truth = found.object_of_gaussian.iter().zip(&corner_to_corner.thing_of);
     let wrong = truth.filter(|(found, true_thing)| found != true_thing).count();
-    assert!(wrong <= 5, "{wrong} Gaussians; those at the contact may be of either");
+    // Along the edge that they share, each has eight, in the same places.
+    assert!(wrong <= 8, "{wrong} Gaussians");
     let side_by_side = with_second([0.5, -0.3, 0.01], [0.9, -0.1, 0.15]);
     assert_eq!(find(&side_by_side).count, 1);
 }
