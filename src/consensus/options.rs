@@ -25,8 +25,8 @@ pub struct Options {
     #[arg(long, value_enum, default_value_t = AskAbout::default())]
     pub ask: AskAbout,
 
-    /// Number of views in which to ask about each part; if the answers disagree, more views follow. With --ask segments, the
-    /// model is asked about every view
+    /// Number of views in which to ask about each part; if the answers disagree, more views follow. With --ask segments, it is
+    /// every view
     #[arg(long, value_name = "N", default_value_t = ASK_VIEWS, value_parser = VIEWS)]
     pub ask_views: NonZeroUsize,
 }
