@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::mass::unknowns::Source;
 use super::mass::weights::Weighing;
-use crate::query::{PartQuestion, Why};
+use crate::query::{AlternativeMaterial, PartQuestion, Why, materials_in_words};
 use crate::units::{Estimate, MetricScale, Range, ScaleSource};
 use crate::vote::{Corrected, FieldPart};
 use crate::words::readable::significant;
@@ -191,12 +191,30 @@ pub struct AskedPart {
     pub why: Why,
     /// Name of the library row that was answered; null without an answer.
     pub material: Option<String>,
+    /// Its probability, as the model stated it; null without an answer.
+    #[serde(default)]
+    pub confidence: Option<f64>,
+    /// What else the part may be made of, by the answer.
+    #[serde(default)]
+    pub alternatives: Vec<AlternativeMaterial>,
 }
 
 impl AskedPart {
     pub fn of(question: &PartQuestion) -> Self {
-        let material = question.answer().map(|answer| answer.material.clone());
-        Self { view: question.view.clone(), why: question.why, material }
+        let answer = question.answer();
+        Self {
+            view: question.view.clone(),
+            why: question.why,
+            material: answer.map(|answer| answer.material.clone()),
+            confidence: answer.map(|answer| answer.confidence),
+            alternatives: answer.map_or_else(Vec::new, |answer| answer.alternatives.clone()),
+        }
+    }
+
+    /// What was answered, in words; `None` without an answer.
+    pub fn answer_in_words(&self) -> Option<String> {
+        let material = self.material.as_ref()?;
+        Some(materials_in_words(material, self.confidence.unwrap_or(1.0), &self.alternatives))
     }
 }
 

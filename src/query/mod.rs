@@ -121,9 +121,41 @@ pub struct Answer {
     pub several_materials: bool,
     /// 0 to 1, as the model states it.
     pub confidence: f64,
+    /// What else it may be made of, the most probable first; none unless the question asked for that. Their probabilities and the
+    /// confidence together are at most 1.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub alternatives: Vec<AlternativeMaterial>,
     pub matched: Match,
     /// The corrections and doubts about the answer, in words.
     pub flags: Vec<String>,
+}
+
+/// A material of which a part may be made instead of the one that an answer names.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+#[non_exhaustive]
+pub struct AlternativeMaterial {
+    pub family: String,
+    /// Name of a row of the library.
+    pub material: String,
+    /// As that of an answer.
+    pub density_kg_m3: Range,
+    /// Of the wall, if the part is a shell.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub wall_thickness_m: Option<Range>,
+    /// As the model states it.
+    pub probability: f64,
+}
+
+/// What a part is made of, in words: "stoneware", or "stoneware (70 %) or steel, mild (20 %)" if there are alternatives.
+pub fn materials_in_words(material: &str, confidence: f64, alternatives: &[AlternativeMaterial]) -> String {
+    if alternatives.is_empty() {
+        return material.to_owned();
+    }
+    let others = alternatives.iter().map(|of| (&*of.material, of.probability));
+    let all = std::iter::once((material, confidence)).chain(others);
+    let in_words = |(material, probability): (&str, f64)| format!("{material} ({} %)", (100.0 * probability).round());
+    all.map(in_words).collect::<Vec<_>>().join(" or ")
 }
 
 impl Answer {
@@ -144,6 +176,7 @@ impl Answer {
             bulk_reason: None,
             several_materials: false,
             confidence: 1.0,
+            alternatives: Vec::new(),
             matched: Match::Live,
             flags: Vec::new(),
         }

@@ -8,13 +8,16 @@ use gprop::query::{
 use gprop::units::{Range, ShoreScale};
 use serde_json::{Value, json};
 
-use super::{a, good_answer, good_answer_about_part, with};
+use super::{a, good_answer, good_answer_about_part, good_answer_with, with};
 
 fn read_as(response: &str, unknown: Unknown) -> Result<Answer, Problem> {
+    read_about(AskAbout::Parts, response, unknown)
+}
+
+fn read_about(about: AskAbout, response: &str, unknown: Unknown) -> Result<Answer, Problem> {
     let library = MaterialLibrary::builtin();
     let questions =
-        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, AskAbout::Parts)
-            .unwrap();
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, about).unwrap();
     match questions.read(questions.first(), response, library, unknown)? {
         Reading::Answered(answer) => Ok(*answer),
         Reading::Next(_) => panic!("there is only one question"),
@@ -65,6 +68,62 @@ fn what_is_no_answer_is_refused_with_the_field_that_is_wrong() {
         assert!(problem.reason.contains(named), "{response}: {}", problem.reason);
         assert!(matches!(problem.failure, Failure::Invalid { .. }));
     }
+}
+
+#[test]
+fn alternatives_are_read_like_the_material_that_is_named() {
+    let read = |answer: &Value| read_about(AskAbout::Object, &answer.to_string(), Unknown::Refuse);
+    let answer = read(&good_answer_with("stoneware", &[("abs", 0.05), ("steel, mild", 0.15)])).unwrap();
+    let found: Vec<(&str, f64)> = answer.alternatives.iter().map(|of| (&*of.material, of.probability)).collect();
+    assert_eq!(found, [("steel, mild", 0.15), ("abs", 0.05)], "the most probable first");
+    let steel = MaterialLibrary::builtin().get("steel, mild").unwrap();
+    assert_eq!(
+        (&answer.alternatives[0].family, answer.alternatives[0].density_kg_m3),
+        (&steel.family, steel.density_kg_m3)
+    );
+    assert_eq!(answer.flags, Vec::<String>::new());
+    assert!(read(&good_answer_with("stoneware", &[])).unwrap().alternatives.is_empty());
+    // Three probabilities with two digits each.
+    assert!(read(&good_answer_with("stoneware", &[("abs", 0.11), ("steel, mild", 0.1)])).is_ok());
+
+    let steel = |field: &str, value: Value| {
+        let mut answer = good_answer_with("stoneware", &[("steel, mild", 0.2)]);
+        answer["alternatives"][0][field] = value;
+        answer
+    };
+    let walls = with(steel("wall_thickness_mm", json!([0.5, 1])), "form", json!("shell"));
+    let answer = read(&with(walls, "wall_thickness_mm", json!([4, 6]))).unwrap();
+    assert_eq!(answer.alternatives[0].wall_thickness_m, Some(Range::new(0.0005, 0.001)));
+    let answer = read(&steel("family", json!("METAL"))).unwrap();
+    assert_eq!(answer.alternatives[0].family, "metal");
+
+    let wall_is_missing =
+        with(with(steel("probability", json!(0.1)), "form", json!("shell")), "wall_thickness_mm", json!([4, 6]));
+    let table = [
+        (steel("material", json!("unobtainium")), "alternative 1: the material \"unobtainium\" is not in the list"),
+        (steel("material", json!("stoneware")), "alternative 1: stoneware is named already"),
+        (steel("family", json!("unobtainium")), "alternatives/0/family"),
+        (steel("probability", json!(0.3)), "alternatives: their probabilities and the confidence make 1.10 together"),
+        (steel("probability", json!(-0.1)), "alternative 1: probability: -0.1 is not possible"),
+        (steel("density_kg_m3", json!([-9, 0])), "alternative 1: density_kg_m3: [-9, 0] is not possible"),
+        (steel("opinion", json!("nice")), "alternatives/0: "),
+        (wall_is_missing, "alternative 1: form is \"shell\" but wall_thickness_mm is null"),
+        (good_answer_about_part("stoneware"), "\"alternatives\" is a required property"),
+        (good_answer_with("stoneware", &[("abs", 0.0), ("pc", 0.0), ("steel, mild", 0.0)]), "alternatives: "),
+    ];
+    for (answer, named) in table {
+        let problem = read(&answer).expect_err(named);
+        assert!(problem.reason.contains(named), "{named}: {}", problem.reason);
+    }
+    let nearest = steel("material", json!("steel, milder")).to_string();
+    let answer = read_about(AskAbout::Object, &nearest, Unknown::TakeNearest).unwrap();
+    assert_eq!(answer.alternatives[0].material, "steel, mild");
+    assert!(
+        answer.flags[0].starts_with("alternative 1: \"steel, milder\" is not in the library"),
+        "{:?}",
+        answer.flags
+    );
+    assert!(read_as(&nearest, Unknown::TakeNearest).is_err(), "a question about a part alone asks for one material");
 }
 
 #[test]

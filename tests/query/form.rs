@@ -218,6 +218,60 @@ fn the_form_asks_what_belongs_to_a_shell_and_keeps_what_was_typed() {
 }
 
 #[test]
+fn a_question_that_follows_takes_alternatives_and_needs_none() {
+    let home = tempfile::tempdir().unwrap();
+    let (out, store) = (home.path().join("out"), recordings(&home.path().join("recorded")));
+    let (prompts, options) = (Prompts::builtin(), small());
+    let queries = prepare_about(AskAbout::Object, &[two_segments("000", 80, 80)], &prompts, &options);
+    export(&out, &queries, &store);
+    let url = format!("file://{}", out.join("form.html").display());
+    let test = "a_question_that_follows_takes_alternatives_and_needs_none";
+    let Some(page) = Page::open(test, &url, "#fields input") else { return };
+    let answer = |number: usize| -> Value {
+        serde_json::from_str::<Value>(page.saved().lines().nth(number).unwrap()).unwrap()["answer"].take()
+    };
+    page.answer("stonew", "a cup");
+    assert_eq!((page.text("#state"), &answer(0)["alternatives"]), ("1 of 2 answered".to_owned(), &json!([])));
+    assert!(page.text("#offer").starts_with("The same as: a cup"), "{}", page.text("#offer"));
+    page.click("#offer button");
+
+    // What the confidence of 0.9 leaves, and the library's density.
+    page.add_to("alternatives");
+    page.choose_material("alternatives.0", "steel mild");
+    assert_eq!(page.text("#state"), "2 of 2 answered");
+    let row = MaterialLibrary::builtin().get("steel, mild").unwrap();
+    let of = answer(1)["alternatives"][0].take();
+    assert!((of["probability"].as_f64().unwrap() - 0.1).abs() < 1e-12, "{of}");
+    let density: [f64; 2] = serde_json::from_value(of["density_kg_m3"].clone()).unwrap();
+    assert_eq!(density, [row.density_kg_m3.low, row.density_kg_m3.high]);
+    assert_eq!((&of["family"], &of["wall_thickness_mm"]), (&json!("metal"), &Value::Null));
+    let probability = "alternatives.0.probability";
+    page.fill_in(probability, 0, "20");
+    assert_eq!(page.problem(probability), "10 % too much: with the confidence, they make at most 100 %.");
+    page.fill_in(probability, 0, "5");
+    assert_eq!(
+        (page.problem(probability), answer(1)["alternatives"][0]["probability"].take()),
+        (String::new(), json!(0.05))
+    );
+
+    // Its wall is as thick as that of the cup, unless it is said.
+    page.choose("form", 1);
+    page.choose("inside", 0);
+    page.fill_in("wall_thickness_mm", 0, "4");
+    let wall = || answer(1)["alternatives"][0]["wall_thickness_mm"].take();
+    assert_eq!(wall(), json!([4, 4]));
+    page.fill_in("alternatives.0.wall_thickness_mm", 0, "0.8");
+    assert_eq!((wall(), page.text("#state")), (json!([0.8, 0.8]), "2 of 2 answered".to_owned()));
+
+    page.focus("#name");
+    page.type_keys("Ada");
+    fs::write(out.join("answers.jsonl"), page.saved()).unwrap();
+    let imported = exchange::import(&out, None, &queries, &store).unwrap();
+    assert!(imported.recorded == 2 && imported.bad.is_empty(), "{imported:?}");
+    assert_eq!(page.complaints(), Vec::<String>::new());
+}
+
+#[test]
 fn materials_are_found_by_their_names_and_only_they_are_taken() {
     let home = tempfile::tempdir().unwrap();
     let out = home.path().join("out");

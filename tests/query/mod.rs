@@ -162,6 +162,19 @@ pub fn good_answer_about_part(material: &str) -> Value {
     answer
 }
 
+/// As [`good_answer_about_part`], to a question that follows the one about the object: this else, with these probabilities.
+pub fn good_answer_with(material: &str, alternatives: &[(&str, f64)]) -> Value {
+    let alternative = |(material, probability): &(&str, f64)| {
+        let row = MaterialLibrary::builtin().get(material).expect("the library has the test's material");
+        json!({
+            "family": row.family, "material": material, "wall_thickness_mm": null, "probability": probability,
+            "density_kg_m3": [row.density_kg_m3.low, row.density_kg_m3.high],
+        })
+    };
+    let alternatives: Vec<Value> = alternatives.iter().map(alternative).collect();
+    with(good_answer_about_part(material), "alternatives", alternatives.into())
+}
+
 /// As [`good_answer_about_part`], about a segment.
 pub fn good_answer(material: &str) -> Value {
     let row = MaterialLibrary::builtin().get(material).expect("the library has the test's material");

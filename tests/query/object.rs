@@ -9,7 +9,7 @@ use std::sync::{Arc, OnceLock};
 use gprop::segment::LabelMap;
 use serde_json::{Value, json};
 
-use super::{a, good_answer_about_part};
+use super::{a, good_answer_about_part, good_answer_with};
 use crate::batch::ball::Balls;
 use crate::run::gprop;
 use crate::support::said;
@@ -65,6 +65,7 @@ fn ball(object: impl Fn(&[u16]) -> Value + Send + Sync + 'static) -> Asked {
         match (is_about_the_object(request), request.to_string().contains("best guess")) {
             (true, _) => object(known.get().unwrap()),
             (_, true) => guess.clone(),
+            _ if request.to_string().contains("alternatives") => good_answer_with(a("wood"), &[("abs", 0.1)]),
             _ => good_answer_about_part(a("wood")),
         }
     });
@@ -302,6 +303,11 @@ fn a_part_that_decides_the_mass_is_asked_about_by_itself() {
     assert_eq!((&question["why"]["reason"], &question["material"]), (&json!("mass"), &json!(a("wood"))), "{question}");
     assert!(wood(&found) > 0.8 && wood(&found) > wood(&before), "{} {}", wood(&before), wood(&found));
     assert!(file(&balls, "run.json").contains("is asked about because what it is made of decides"));
+    assert_eq!((&question["alternatives"][0]["material"], &question["confidence"]), (&json!("abs"), &json!(0.8)));
+    let words = format!("{} (80 %) or abs (10 %)", a("wood"));
+    for name in ["report.html", "run.json"] {
+        assert!(file(&balls, name).contains(&words), "{name} lacks {words}");
+    }
     assert!(file(&balls, "report.html").contains("asked about by itself"));
     let object: Value = serde_json::from_str(&file(&balls, "object.json")).unwrap();
     assert_eq!(object["questions"][0]["outcome"]["status"], "answered", "{object}");

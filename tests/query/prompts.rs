@@ -2,7 +2,7 @@ use std::path::Path;
 
 use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
-use gprop::query::question::Questions;
+use gprop::query::question::{Question, Questions};
 use gprop::query::{Context, Guidance, PromptError, Prompts};
 use serde_json::Value;
 
@@ -93,6 +93,48 @@ fn a_misspelt_placeholder_and_a_broken_schema_are_errors() {
     let other = tempfile::tempdir().unwrap();
     std::fs::write(other.path().join("parts.txt"), "misspelt").unwrap();
     assert!(matches!(Prompts::from_folder(other.path()), Err(PromptError::NoFile(_))));
+}
+
+#[test]
+fn only_a_question_that_follows_asks_for_alternatives() {
+    let questions = |prompts: &Prompts, about: AskAbout| {
+        let library = MaterialLibrary::builtin();
+        Questions::new(prompts, library, Guidance::OneQuestion, Context::GlobalLocal, about).unwrap()
+    };
+    let builtin = Prompts::builtin();
+    let follow_up = questions(&builtin, AskAbout::Object);
+    let Question { prompt, schema, .. } = follow_up.first();
+    assert!(prompt.contains("\n20. alternatives: what else") && prompt.contains("these twenty keys"), "{prompt}");
+    assert!(!prompt.contains("{%") && !prompt.contains("nineteen"), "{prompt}");
+    let families = &schema.value()["properties"]["family"]["enum"];
+    assert_eq!(&schema.value()["properties"]["alternatives"]["items"]["properties"]["family"]["enum"], families);
+    assert!(schema.value()["required"].as_array().unwrap().contains(&"alternatives".into()));
+
+    // A schema of one's own may not have them: then they are not asked for.
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("answer.schema.json"), "{}").unwrap();
+    let own = questions(&Prompts::from_folder(folder.path()).unwrap(), AskAbout::Object);
+    assert_eq!(own.first().prompt, questions(&builtin, AskAbout::Parts).first().prompt);
+}
+
+/// Answers about parts that were recorded before there were alternatives still serve.
+#[test]
+fn the_question_about_a_part_is_the_recorded_one() {
+    let library = MaterialLibrary::builtin();
+    let questions =
+        Questions::new(&Prompts::builtin(), library, Guidance::OneQuestion, Context::GlobalLocal, AskAbout::Parts)
+            .unwrap();
+    let Question { prompt_sha256, schema, .. } = questions.first();
+    for (fixture, count) in [("hammer", 24), ("mug", 10), ("table_lamp", 25), ("chair", 27)] {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures").join(fixture).join("recorded");
+        let is_it = |entry: std::io::Result<std::fs::DirEntry>| {
+            let recording: Value = serde_json::from_slice(&std::fs::read(entry.unwrap().path()).unwrap()).unwrap();
+            let asked = &recording["asked"];
+            asked["prompt_sha256"] == prompt_sha256.as_str() && asked["schema_sha256"] == schema.sha256().as_str()
+        };
+        let found = std::fs::read_dir(folder).unwrap().map(is_it).filter(|is_it| *is_it).count();
+        assert_eq!(found, count, "{fixture}");
+    }
 }
 
 /// The paper's questions must stay word for word what they were when `recorded_paper/` was answered.

@@ -94,7 +94,7 @@ impl Possibilities {
     /// What was answered about the object, in the parts of the field.
     pub fn new(answered: &ObjectAnswers, field: &MaterialField, library: &MaterialLibrary) -> Self {
         let ObjectAnswers { recognition, .. } = answered;
-        let alternatives = answered.alternatives();
+        let alternatives = answered.alternatives(library);
         let recognized_as = |part: &FieldPart| {
             let is_its = |of: &RecognizedPart| of.numbers.first().is_some_and(|first| u32::from(*first) == part.id);
             recognition.parts.iter().position(is_its)

@@ -13,8 +13,9 @@ use crate::files::json;
 use crate::query::ask::hints;
 use crate::query::recorded::Answerer;
 use crate::query::{
-    AnswerSource, Answers, Bare, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome, PartQuestion,
-    Preview, Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
+    Answer, AnswerSource, Answers, Bare, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome,
+    PartQuestion, Preview, Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
+    materials_in_words,
 };
 use crate::scene::{ScaleChoice, Scene, View};
 use crate::segment::LabelMap;
@@ -151,7 +152,9 @@ fn questions_in(recognition: Option<&mut WholeAnswer<ObjectAnswers>>) -> impl It
 fn reason_of(question: &PartQuestion) -> String {
     let PartQuestion { view, subject, why, .. } = question;
     let outcome = match &question.outcome {
-        Some(Outcome::Answered(answer)) => format!("answered {}", answer.material),
+        Some(Outcome::Answered(Answer { material, confidence, alternatives, .. })) => {
+            format!("answered {}", materials_in_words(material, *confidence, alternatives))
+        }
         Some(Outcome::Failed(_)) => "not answered".to_owned(),
         None => "no recorded answer, so the answer about the object stands; --lmm-url names a model to ask, or answer by hand \
                  (gprop query SCENE --export DIR)"

@@ -20,7 +20,7 @@ pub(super) mod recognition;
 use serde::Deserialize;
 use serde_json::Value;
 
-use super::{Answer, Failure, Form, Inside, Match};
+use super::{AlternativeMaterial, Answer, Failure, Form, Inside, Match};
 use crate::materials::{Family, Material, MaterialLibrary};
 use crate::units::{Range, ShoreHardness, ShoreScale};
 
@@ -43,6 +43,8 @@ const BULK_DENSITY: Quantity = Quantity {
     unit: 1.0,
     bounds: Range::new(1.0, 20_000.0),
 };
+/// As that of a mixed part.
+const DENSITY: Quantity = Quantity { field: "density_kg_m3", name: "density in kg/m3", ..BULK_DENSITY };
 /// The share of the hollow that a filling takes up. A range that begins below 1 % is cut there; one that ends there is
 /// refused.
 const FILL_SHARE: Quantity = Quantity {
@@ -61,6 +63,8 @@ const FILLING_DENSITY: Quantity = Quantity {
     bounds: Range::new(2.0, 8000.0),
 };
 const SHORE: Range = Range::new(0.0, 100.0);
+/// Three probabilities with two digits each may add up to this much more than 1.
+const ROUNDING: f64 = 0.015;
 /// Lowest similarity (0 to 1) at which a name is taken for a library name.
 const LIKENESS: f64 = 0.5;
 
@@ -90,6 +94,15 @@ impl Problem {
     /// A response that does not have the requested form.
     pub fn invalid(reason: String) -> Self {
         Self { failure: Failure::Invalid { message: reason.clone() }, reason }
+    }
+
+    /// The same at this place of the answer.
+    fn at(self, place: &str) -> Self {
+        let reason = format!("{place}: {}", self.reason);
+        match self.failure {
+            Failure::Invalid { .. } => Self::invalid(reason),
+            failure => Self { reason, failure },
+        }
     }
 }
 
@@ -122,6 +135,18 @@ struct Written {
     bulk_density_kg_m3: Option<Range>,
     bulk_reason: Option<String>,
     confidence: f64,
+    /// Only in an answer to a question that follows the one about the whole object.
+    #[serde(default)]
+    alternatives: Vec<WrittenAlternative>,
+}
+
+#[derive(Debug, Deserialize)]
+struct WrittenAlternative {
+    family: String,
+    material: String,
+    density_kg_m3: Range,
+    wall_thickness_mm: Option<Range>,
+    probability: f64,
 }
 
 /// How a part is made: the fields that answers about a part and about the whole object have in common.
@@ -167,45 +192,126 @@ enum WrittenInside {
 pub fn read(value: Value, library: &MaterialLibrary, unknown: Unknown) -> Result<Answer, Problem> {
     let written: Written = serde_json::from_value(value).map_err(|error| Problem::invalid(format!("{error}.")))?;
     let mut flags = Vec::new();
-    let material = material(&written, library, unknown, &mut flags)?;
-    let family = library.family(&material.family).ok_or_else(|| {
-        Problem::invalid(format!(
-            "the library has no family {:?}, to which {:?} belongs.",
-            material.family, material.name
-        ))
-    })?;
-    if written.family != material.family {
-        flags.push(format!("{} is of the family {}, not {}", material.name, material.family, written.family));
-    }
+    let names = Names { library, unknown };
+    let (material, family) = names.find(&written.family, &written.material, &mut flags)?;
     let (form, inside) = make(&written.make, library, &mut flags)?;
-    settle(written, material, family, form, inside, flags)
+    let alternatives = alternatives(&written, material, names, &mut flags)?;
+    Ok(Answer { alternatives, ..settle(written, material, family, form, inside, flags)? })
 }
 
-fn material<'a>(
-    written: &Written,
+/// Where materials are looked up.
+#[derive(Clone, Copy)]
+struct Names<'a> {
     library: &'a MaterialLibrary,
     unknown: Unknown,
+}
+
+impl<'a> Names<'a> {
+    /// The material of this name with its family, which need not be the one that is `written` beside it.
+    fn find(
+        self,
+        written: &str,
+        material: &str,
+        flags: &mut Vec<String>,
+    ) -> Result<(&'a Material, &'a Family), Problem> {
+        let material = self.material(written, material, flags)?;
+        let family = self.library.family(&material.family).ok_or_else(|| {
+            Problem::invalid(format!(
+                "the library has no family {:?}, to which {:?} belongs.",
+                material.family, material.name
+            ))
+        })?;
+        if written != material.family {
+            flags.push(format!("{} is of the family {}, not {written}", material.name, material.family));
+        }
+        Ok((material, family))
+    }
+
+    fn material(self, family: &str, name: &str, flags: &mut Vec<String>) -> Result<&'a Material, Problem> {
+        let Self { library, unknown } = self;
+        let name = name.trim();
+        if let Some(material) = library.get(name) {
+            return Ok(material);
+        }
+        // A similar name in another family means something else: petal is not metal.
+        let nearest = library.nearest_of_family(name, family).filter(|(_, likeness)| *likeness >= LIKENESS);
+        match (unknown, nearest) {
+            (Unknown::TakeNearest, Some((material, _))) => {
+                flags.push(format!("{name:?} is not in the library; the nearest name, {}, is used", material.name));
+                Ok(material)
+            }
+            (_, nearest) => {
+                let hint = nearest.map_or(String::new(), |(material, _)| format!(" Did you mean {:?}?", material.name));
+                Err(Problem {
+                    reason: format!(
+                        "the material {name:?} is not in the list.{hint} Copy a name from the list exactly."
+                    ),
+                    failure: Failure::UnknownMaterial { material: name.into() },
+                })
+            }
+        }
+    }
+}
+
+/// What else the part may be made of, beside the `named` material.
+fn alternatives(
+    written: &Written,
+    named: &Material,
+    names: Names,
     flags: &mut Vec<String>,
-) -> Result<&'a Material, Problem> {
-    let name = written.material.trim();
-    if let Some(material) = library.get(name) {
-        return Ok(material);
-    }
-    // A similar name in another family means something else: petal is not metal.
-    let nearest = library.nearest_of_family(name, &written.family).filter(|(_, likeness)| *likeness >= LIKENESS);
-    match (unknown, nearest) {
-        (Unknown::TakeNearest, Some((material, _))) => {
-            flags.push(format!("{name:?} is not in the library; the nearest name, {}, is used", material.name));
-            Ok(material)
+) -> Result<Vec<AlternativeMaterial>, Problem> {
+    let mut all: Vec<AlternativeMaterial> = Vec::new();
+    for (place, of) in (1..).zip(&written.alternatives) {
+        let mut own_flags = Vec::new();
+        let place = format!("alternative {place}");
+        let read = alternative(of, written.make.form, names, &mut own_flags).map_err(|problem| problem.at(&place))?;
+        if read.material == named.name || all.iter().any(|other| other.material == read.material) {
+            return Err(Problem::invalid(format!(
+                "{place}: {} is named already; name another material.",
+                read.material
+            )));
         }
-        (_, nearest) => {
-            let hint = nearest.map_or(String::new(), |(material, _)| format!(" Did you mean {:?}?", material.name));
-            Err(Problem {
-                reason: format!("the material {name:?} is not in the list.{hint} Copy a name from the list exactly."),
-                failure: Failure::UnknownMaterial { material: name.into() },
-            })
-        }
+        flags.extend(own_flags.into_iter().map(|flag| format!("{place}: {flag}")));
+        all.push(read);
     }
+    let together = written.confidence.clamp(0.0, 1.0) + all.iter().map(|of| of.probability).sum::<f64>();
+    if together > 1.0 + ROUNDING {
+        return Err(Problem::invalid(format!(
+            "alternatives: their probabilities and the confidence make {together:.2} together; at most 1 is possible."
+        )));
+    }
+    all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
+    Ok(all)
+}
+
+/// An alternative to the material of a part of this form.
+fn alternative(
+    written: &WrittenAlternative,
+    form: WrittenForm,
+    names: Names,
+    flags: &mut Vec<String>,
+) -> Result<AlternativeMaterial, Problem> {
+    let (material, family) = names.find(&written.family, &written.material, flags)?;
+    if !(0.0..=1.0).contains(&written.probability) {
+        return Err(Problem::invalid(format!(
+            "probability: {} is not possible; give one from 0 to 1.",
+            written.probability
+        )));
+    }
+    let form = self::form(form, written.wall_thickness_mm, flags)?;
+    let said = possible(&DENSITY, written.density_kg_m3, flags)?;
+    let density_kg_m3 = if form == Form::Mixed {
+        said
+    } else {
+        narrower(DENSITY.name, said, family.density_kg_m3, material.density_kg_m3, flags)
+    };
+    Ok(AlternativeMaterial {
+        family: material.family.clone(),
+        material: material.name.clone(),
+        density_kg_m3,
+        wall_thickness_m: if let Form::Shell { wall_thickness_m } = form { Some(wall_thickness_m) } else { None },
+        probability: written.probability,
+    })
 }
 
 /// The form of a part, and the contents of a shell.
@@ -214,7 +320,7 @@ fn make(
     library: &MaterialLibrary,
     flags: &mut Vec<String>,
 ) -> Result<(Form, Option<Inside>), Problem> {
-    let form = form(written, flags)?;
+    let form = form(written.form, written.wall_thickness_mm, flags)?;
     let inside = match form {
         Form::Shell { .. } => Some(inside(written, library, flags)?),
         Form::Solid | Form::Mixed => None,
@@ -222,8 +328,8 @@ fn make(
     Ok((form, inside))
 }
 
-fn form(written: &WrittenMake, flags: &mut Vec<String>) -> Result<Form, Problem> {
-    match (written.form, written.wall_thickness_mm) {
+fn form(form: WrittenForm, wall_thickness_mm: Option<Range>, flags: &mut Vec<String>) -> Result<Form, Problem> {
+    match (form, wall_thickness_mm) {
         (WrittenForm::Solid, _) => Ok(Form::Solid),
         (WrittenForm::Mixed, _) => Ok(Form::Mixed),
         (WrittenForm::Shell, None) => {
@@ -320,6 +426,7 @@ fn settle(
         bulk_reason,
         several_materials: written.several_materials,
         confidence,
+        alternatives: Vec::new(),
         matched: Match::Live,
         flags,
     })

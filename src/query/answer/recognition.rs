@@ -7,8 +7,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{
-    BULK_DENSITY, FILL_SHARE, FILLING_DENSITY, LIKENESS, Problem, Quantity, WALL_THICKNESS, WrittenMake, in_order,
-    make, possible,
+    BULK_DENSITY, DENSITY, FILL_SHARE, FILLING_DENSITY, LIKENESS, Problem, Quantity, WALL_THICKNESS, WrittenMake,
+    in_order, make, possible,
 };
 use crate::materials::{Family, Material, MaterialLibrary, fold};
 use crate::query::{Answer, Failure, Form};
@@ -24,9 +24,6 @@ const MASS: Quantity = Quantity {
     unit: KG_PER_G,
     bounds: Range::new(1e-6, 1e6),
 };
-/// As for the density of a mixed part: no row of the library bounds it, since rows are found by words here, and the density of a
-/// foam or a wood does not follow from its name.
-const DENSITY: Quantity = Quantity { field: "density_kg_m3", name: "density in kg/m3", ..BULK_DENSITY };
 
 /// The numbers that are possible in the fields of answers, in the fields' units: by the name of the field, or, if it differs from
 /// that, by its lists and its name, such as `unnumbered.mass_g`.
@@ -275,6 +272,8 @@ fn choice(
     let mut flags = Vec::new();
     let material = material(written, library, &mut flags)?;
     let (form, inside) = make(&written.make, library, &mut flags)?;
+    // No row of the library bounds it, since rows are found by words here, and the density of a foam or a wood does not follow from
+    // its name.
     let density_kg_m3 = possible(&DENSITY, written.density_kg_m3, &mut flags)?;
     // The model counts from 1.
     let under: Vec<usize> = written.under.iter().filter_map(|place| place.checked_sub(1)).collect();

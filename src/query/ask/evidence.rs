@@ -1,12 +1,14 @@
 //! What answers about parts by themselves say of the ways in which the parts of an object may be made, which the answer about
 //! the whole object gave.
 //!
-//! An answer names one material out of the whole library with a confidence q, at least 1/3 (the one that is named is not less
-//! probable than each half of the rest) and at most 0.95. It leaves 1 - q to all others, and half of that to the rest of the family.
-//! So a choice of the same material has the likelihood q, one of another family (1 - q) / 2, and so has another material of the same
-//! family. But choices are named freely and looked up by words: if none is of just that material, all of its family are, with
-//! (1 + q) / 2. If none is of its family either, the answer is a choice of its own, with the prior probability that the truth is not
-//! among those that a model gives ([`OUTSIDE`]). Form and inside, if both answers say them, count as right in [`RIGHT`] of the cases.
+//! An answer is a distribution over the whole library. It names materials with probabilities p: one with its confidence, and up to
+//! two alternatives. Together they have at most 0.95, and leave r = 1 - sum p to all others, half of it to the rest of the families that
+//! are named; the first is not less probable than each half (so without alternatives it has at least 1/3). So a choice of a material that
+//! is named has the likelihood p, and any other r / 2, which is also the least that a choice that is named has. But choices are named
+//! freely and looked up by words: if none is of just the material, those of its family are of it, with p + r / 2, except those of another
+//! material that is named. Materials of which there is no such choice become choices of their own, with the likelihood of all of them
+//! together; they share out the prior probability that the truth is not among those that a model gives ([`OUTSIDE`]) as their p
+//! are. Form and inside, if both answers say them, count as right in [`RIGHT`] of the cases.
 //!
 //! Choices and hypotheses then have the product of their probabilities and likelihoods: parts are independent of each other, given
 //! the hypothesis.
@@ -14,15 +16,16 @@
 use serde::{Deserialize, Serialize};
 
 use super::follow_up::Why;
-use crate::query::{Answer, Form, Inside, Outcome, Recognition, RecognizedPart, SubjectId};
+use crate::materials::MaterialLibrary;
+use crate::query::{AlternativeMaterial, Answer, Form, Inside, Outcome, Recognition, RecognizedPart, SubjectId};
 use crate::units::Range;
 
 /// As for the ends of ranges: one of ten things is none of what the model says.
 pub const OUTSIDE: f64 = 0.1;
 /// As for ranges.
 const RIGHT: f64 = 0.9;
-/// The confidences that count.
-const CONFIDENCE: Range = Range::new(1.0 / 3.0, 0.95);
+/// What all materials that an answer names have together at most: no answer is certain.
+const MOST: f64 = 0.95;
 
 /// What was answered about the object: as a whole, and then about some of its parts.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -74,7 +77,12 @@ impl ObjectAnswers {
     pub fn problem(&self) -> Option<String> {
         let is_known = |question: &PartQuestion| question.part < self.recognition.parts.len();
         let unknown = || "it has a question about a part that it does not have".to_owned();
-        self.recognition.problem().or_else(|| (!self.questions.iter().all(is_known)).then(unknown))
+        let alternatives = self.questions.iter().filter_map(PartQuestion::answer).flat_map(|of| &of.alternatives);
+        let are_probabilities = alternatives.map(|of| of.probability).all(|of| (0.0..=1.0).contains(&of));
+        let improbable = || "a probability in it is not from 0 to 1".to_owned();
+        let problem = self.recognition.problem();
+        let problem = problem.or_else(|| (!self.questions.iter().all(is_known)).then(unknown));
+        problem.or_else(|| (!are_probabilities).then(improbable))
     }
 
     /// True if a question that followed has no answer.
@@ -88,11 +96,11 @@ impl ObjectAnswers {
     }
 
     /// By part, the ways in which it may be made: those of its choices, in their order, and what an answer adds.
-    pub fn alternatives(&self) -> Vec<Vec<Alternative>> {
+    pub fn alternatives(&self, library: &MaterialLibrary) -> Vec<Vec<Alternative>> {
         let of_part = |(index, part): (usize, &RecognizedPart)| {
             let stated = self.stated(part);
             match self.question_about(index).and_then(PartQuestion::answer) {
-                Some(said) => weighed(stated, said),
+                Some(said) => weighed(stated, &named(said, library)),
                 None => stated,
             }
         };
@@ -130,53 +138,72 @@ impl ObjectAnswers {
     }
 }
 
-/// How an answer about a part agrees with a way in which it may be made.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Agreement {
-    Material,
-    Family,
-    None,
-}
-
-fn agreement(of: &Answer, said: &Answer) -> Agreement {
-    match (of.material == said.material, of.family == said.family) {
-        (true, _) => Agreement::Material,
-        (false, true) => Agreement::Family,
-        (false, false) => Agreement::None,
-    }
-}
-
-/// The alternatives after the answer about the part.
-fn weighed(mut alternatives: Vec<Alternative>, said: &Answer) -> Vec<Alternative> {
-    let agreements: Vec<Agreement> = alternatives.iter().map(|of| agreement(&of.answer, said)).collect();
-    // An answer that sees several materials in a part names only one of them.
-    let q =
-        if said.several_materials { CONFIDENCE.low } else { said.confidence.clamp(CONFIDENCE.low, CONFIDENCE.high) };
-    let (same, if_same) = if agreements.contains(&Agreement::Material) {
-        (Agreement::Material, q)
-    } else {
-        (Agreement::Family, 0.5 * (1.0 + q))
+/// What an answer about a part says that it may be made of, its alternatives last; the confidence of each is the probability that counts.
+fn named(said: &Answer, library: &MaterialLibrary) -> Vec<Answer> {
+    let answer = |of: &AlternativeMaterial| {
+        let Answer { caption, form, inside, bulk_reason, several_materials, matched, .. } = said.clone();
+        let form = of.wall_thickness_m.map_or(form, |wall_thickness_m| Form::Shell { wall_thickness_m });
+        let (density_kg_m3, confidence) = (of.density_kg_m3, of.probability);
+        let row = Answer::of(library.get(&of.material)?);
+        Some(Answer {
+            caption,
+            form,
+            inside,
+            bulk_reason,
+            several_materials,
+            matched,
+            density_kg_m3,
+            confidence,
+            ..row
+        })
     };
-    for (of, agreement) in alternatives.iter_mut().zip(&agreements) {
-        let agrees = *agreement == same;
-        of.likelihood = if agrees { if_same } else { 0.5 * (1.0 - q) } * likelihood_of_make(&of.answer, said);
-        if agrees {
-            of.answer = joined(&of.answer, said);
+    let others: Vec<Answer> = said.alternatives.iter().filter_map(answer).collect();
+    let of_others: f64 = others.iter().map(|of| of.confidence).sum();
+    let first = said.confidence.max((1.0 - of_others) / 3.0);
+    let factor = if said.several_materials {
+        // It names only some of the materials: the first is as probable as each half of what it leaves.
+        1.0 / (3.0 * first + of_others)
+    } else {
+        (MOST / (first + of_others)).min(1.0)
+    };
+    let first = Answer { confidence: first, alternatives: Vec::new(), ..said.clone() };
+    let counted = |of: Answer| Answer { confidence: factor * of.confidence, ..of };
+    std::iter::once(first).chain(others).map(counted).collect()
+}
+
+/// The alternatives after an answer about the part that [`named`] these.
+fn weighed(mut alternatives: Vec<Alternative>, named: &[Answer]) -> Vec<Alternative> {
+    let together = |of: &[&Answer]| of.iter().map(|of| of.confidence).sum::<f64>();
+    let half_of_rest = 0.5 * (1.0 - together(&named.iter().collect::<Vec<_>>()));
+    let is_named = |of: &Answer| named.iter().any(|said| said.material == of.material);
+    let is_a_choice = |said: &Answer| alternatives.iter().any(|of| of.answer.material == said.material);
+    let agree = |of: &Answer, said: &Answer| {
+        of.material == said.material || (of.family == said.family && !is_named(of) && !is_a_choice(said))
+    };
+    let agreeing = |of: &Alternative| named.iter().filter(|said| agree(&of.answer, said)).collect();
+    let agreeing: Vec<Vec<&Answer>> = alternatives.iter().map(agreeing).collect();
+    let outside = named.iter().filter(|said| !alternatives.iter().any(|of| agree(&of.answer, said)));
+    let outside: Vec<&Answer> = outside.collect();
+    for (of, said) in alternatives.iter_mut().zip(&agreeing) {
+        let of_family = if is_named(&of.answer) { 0.0 } else { half_of_rest };
+        let probability = (together(said) + of_family).max(half_of_rest);
+        of.likelihood = probability * likelihood_of_make(&of.answer, &named[0]);
+        if let Some(most_probable) = said.first() {
+            of.answer = joined(&of.answer, most_probable);
         }
     }
-    if !agreements.contains(&same) {
-        let (hypotheses, caption) = match alternatives.first() {
-            Some(of) => (of.under.len(), of.answer.caption.clone()),
-            None => return alternatives,
-        };
-        alternatives.iter_mut().flat_map(|of| &mut of.under).for_each(|probability| *probability *= 1.0 - OUTSIDE);
-        alternatives.push(Alternative {
-            answer: Answer { caption, ..said.clone() },
-            under: vec![OUTSIDE; hypotheses],
-            likelihood: q * RIGHT * RIGHT,
-            stated_probability: 0.0,
-        });
-    }
+    let all_outside = together(&outside);
+    let Some(Alternative { under, answer, .. }) = alternatives.first().filter(|_| all_outside > 0.0) else {
+        return alternatives;
+    };
+    let (hypotheses, caption) = (under.len(), answer.caption.clone());
+    alternatives.iter_mut().flat_map(|of| &mut of.under).for_each(|probability| *probability *= 1.0 - OUTSIDE);
+    alternatives.extend(outside.into_iter().map(|said| Alternative {
+        answer: Answer { caption: caption.clone(), ..said.clone() },
+        under: vec![OUTSIDE * said.confidence / all_outside; hypotheses],
+        likelihood: all_outside * RIGHT * RIGHT,
+        stated_probability: 0.0,
+    }));
     alternatives
 }
 
@@ -231,7 +258,6 @@ fn together(a: Range, b: Range) -> Range {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::materials::MaterialLibrary;
     use crate::query::{Choice, Hypothesis, Match};
 
     fn answer(material: &str, confidence: f64) -> Answer {
@@ -276,7 +302,7 @@ mod tests {
     }
 
     fn probabilities(answers: &ObjectAnswers) -> Vec<f64> {
-        let alternatives = answers.alternatives();
+        let alternatives = answers.alternatives(MaterialLibrary::builtin());
         answers.probabilities(&alternatives).remove(0)
     }
 
@@ -305,7 +331,7 @@ mod tests {
     fn an_answer_that_the_object_did_not_give_becomes_possible() {
         let choices = [(&[0, 1][..], 1.0, answer("steel, mild", 1.0))];
         let answers = asked(&choices, answer("abs", 0.8));
-        let alternatives = answers.alternatives();
+        let alternatives = answers.alternatives(MaterialLibrary::builtin());
         let added = &alternatives[0][1];
         assert_eq!((&*added.answer.material, &*added.answer.caption), ("abs", &*alternatives[0][0].answer.caption));
         assert_eq!(added.stated_probability, 0.0);
@@ -323,7 +349,9 @@ mod tests {
         let answers = asked(&choices, wall(0.002, 0.002, answer("stoneware", 0.8)));
         let found = probabilities(&answers);
         assert!((found[1] - 0.9).abs() < 1e-12, "{found:?}");
-        let Form::Shell { wall_thickness_m: Range { low, high } } = answers.alternatives()[0][1].answer.form else {
+        let Form::Shell { wall_thickness_m: Range { low, high } } =
+            answers.alternatives(MaterialLibrary::builtin())[0][1].answer.form
+        else {
             panic!("it was a wall")
         };
         let middle = 0.001 * 8.0_f64.sqrt();
@@ -344,6 +372,88 @@ mod tests {
         let found = probabilities(&asked(&choices, Answer { several_materials: true, ..answer("pc", 0.9) }));
         // 0.6 x 1/3 against 0.4 x 1/3.
         assert!((found[0] - 0.6).abs() < 1e-12, "{found:?}");
+    }
+
+    /// The same answer with these alternatives.
+    fn or(alternatives: &[(&str, f64)], of: Answer) -> Answer {
+        let alternative = |(material, probability): &(&str, f64)| {
+            let row = MaterialLibrary::builtin().get(material).unwrap();
+            let wall = if let Form::Shell { wall_thickness_m } = of.form { Some(wall_thickness_m) } else { None };
+            AlternativeMaterial {
+                family: row.family.clone(),
+                material: row.name.clone(),
+                density_kg_m3: Range::new(row.density_kg_m3.low, row.density_kg_m3.low),
+                wall_thickness_m: wall,
+                probability: *probability,
+            }
+        };
+        Answer { alternatives: alternatives.iter().map(alternative).collect(), ..of }
+    }
+
+    fn assert_near(found: &[f64], weights: &[f64]) {
+        let all: f64 = weights.iter().sum();
+        let is_near = |(found, weight): (&f64, &f64)| (found - weight / all).abs() < 1e-12;
+        assert!(found.len() == weights.len() && found.iter().zip(weights).all(is_near), "{found:?}, not {weights:?}");
+    }
+
+    const EQUAL: f64 = 1.0 / 3.0;
+
+    #[test]
+    fn every_material_that_is_named_has_its_probability() {
+        let choice = |material: &str| (&[0, 1][..], EQUAL, answer(material, EQUAL));
+        let choices = ["stoneware", "steel, mild", "abs"].map(choice);
+        // It leaves 0.2, of which any other choice has half.
+        let said = or(&[("steel, mild", 0.3)], answer("stoneware", 0.5));
+        assert_near(&probabilities(&asked(&choices, said)), &[0.5, 0.3, 0.1]);
+        // What is named is not less probable than what is not: it leaves 0.45.
+        let said = or(&[("steel, mild", 0.05)], answer("stoneware", 0.5));
+        assert_near(&probabilities(&asked(&choices, said)), &[0.5, 0.225, 0.225]);
+        // One leaves no less than 0.05, and the other counts as the same share of 0.95.
+        let said = or(&[("steel, mild", 0.25)], answer("stoneware", 0.75));
+        assert_near(&probabilities(&asked(&choices, said)), &[0.7125, 0.2375, 0.025]);
+        // The first counts as half of what is left beside the other: q = (1 - 0.4 - q) / 2.
+        let said = or(&[("steel, mild", 0.4)], answer("stoneware", 0.1));
+        assert_near(&probabilities(&asked(&choices, said)), &[0.2, 0.4, 0.2]);
+    }
+
+    #[test]
+    fn an_alternative_without_a_choice_counts_for_those_of_its_family() {
+        let choice = |material: &str| (&[0, 1][..], EQUAL, answer(material, EQUAL));
+        let choices = ["steel, mild", "aluminium 6061-t6", "abs"].map(choice);
+        // Both metals that are named, the second of which is none of the choices; it leaves 0.1.
+        let said = or(&[("stainless steel 304", 0.4)], answer("aluminium 6061-t6", 0.5));
+        assert_near(&probabilities(&asked(&choices, said)), &[0.45, 0.5, 0.05]);
+        let said = or(&[("aluminium 6061-t6", 0.4)], answer("stainless steel 304", 0.5));
+        assert_near(&probabilities(&asked(&choices, said)), &[0.55, 0.4, 0.05]);
+    }
+
+    #[test]
+    fn alternatives_that_the_object_did_not_give_share_what_is_outside() {
+        let choices = [(&[0, 1][..], 1.0, answer("steel, mild", 1.0))];
+        let wall = |thickness: f64, of: Answer| wall(thickness, thickness, of);
+        let said = or(&[("abs", 0.3), ("stoneware", 0.1)], wall(0.002, answer("steel, mild", 0.5)));
+        let answers = asked(&choices, said);
+        let alternatives = answers.alternatives(MaterialLibrary::builtin());
+        let added: Vec<&Answer> = alternatives[0][1..].iter().map(|of| &of.answer).collect();
+        let abs = MaterialLibrary::builtin().get("abs").unwrap();
+        assert_eq!((&*added[0].material, &*added[1].material), ("abs", "stoneware"));
+        assert_eq!((&*added[0].caption, added[0].youngs_modulus_pa), ("steel, mild", abs.youngs_modulus_pa));
+        assert_eq!(added[0].density_kg_m3, Range::new(abs.density_kg_m3.low, abs.density_kg_m3.low), "as answered");
+        assert_eq!(added[0].form, Form::Shell { wall_thickness_m: Range::new(0.002, 0.002) });
+        // Steel is solid by one answer and a wall by the other: 0.9 x 0.5 x 0.1 x 0.9. The others have 0.1 together, by 3 to 1, and
+        // the likelihood 0.4 x 0.9 x 0.9.
+        let found = probabilities(&answers);
+        assert_near(&found, &[0.0405, 0.75 * 0.0324, 0.25 * 0.0324]);
+    }
+
+    #[test]
+    fn an_answer_that_sees_several_materials_decides_little_with_alternatives_too() {
+        let choice = |material: &str| (&[0, 1][..], EQUAL, answer(material, EQUAL));
+        let choices = ["stoneware", "steel, mild", "abs"].map(choice);
+        let said = or(&[("steel, mild", 0.2)], answer("stoneware", 0.6));
+        // 0.6 and 0.2 over 3 x 0.6 + 0.2; what is left has half of the rest, which is as much as the first. So has the second.
+        let found = probabilities(&asked(&choices, Answer { several_materials: true, ..said }));
+        assert_near(&found, &[0.3, 0.3, 0.3]);
     }
 
     #[test]

@@ -63,6 +63,7 @@ mod tests {
                 _ if may_be_null => Value::Null,
                 Some("boolean") => json!(false),
                 Some("number") => json!(0.9),
+                Some("array") => json!([]),
                 _ if property["enum"].is_array() => property["enum"][0].clone(),
                 _ => json!("a word"),
             };

@@ -45,7 +45,7 @@ const nameOf = (query) => [answerTo(query).caption, answerTo(query).material].fi
 
 /* Offers the last answer about the same part, or else those about other parts, as long as this question has none. */
 function offer(query) {
-  const given = Object.keys(answerTo(query)).length ? [] : queries.filter((other) => other !== query && other.text === query.text && !isIncomplete(entryOf(other)));
+  const given = Object.values(answerTo(query)).flat().length ? [] : queries.filter((other) => other !== query && other.text === query.text && !isIncomplete(entryOf(other)));
   const last = given.findLast((other) => other.part === query.part);
   const take = (from, properties, text) => {
     const button = make("button", { type: "button", ...properties }, text);

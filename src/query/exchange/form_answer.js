@@ -36,6 +36,7 @@ const belongs = {
   "hypotheses.what": isOneOfSeveral, "pieces.caption": isOneOfSeveral,
   under: (entry) => isOneOfSeveral(entry) && entry.answer.hypotheses?.length > 1,
   panel: () => false, at: () => false,
+  "alternatives.wall_thickness_mm": ({ answer }) => answer.form === "shell",
 };
 const isShown = (entry, name) => lineOf(belongs, entry, name)?.(entry) ?? true;
 
@@ -43,12 +44,15 @@ const isShown = (entry, name) => lineOf(belongs, entry, name)?.(entry) ?? true;
 const fallbacks = {
   printed_mass_g: () => null, printed_volume_ml: () => null, filling_density_kg_m3: () => null,
   "hypotheses.what": ({ answer, siblings, record }) => (record === siblings[0] && answer.object) || undefined,
-  "hypotheses.probability": shareOf, "pieces.choices.probability": shareOf, "unnumbered.probability": () => 1,
+  "hypotheses.probability": shareOf, "pieces.choices.probability": shareOf, "alternatives.probability": shareOf,
+  "unnumbered.probability": () => 1,
   numbers: ({ query, siblings }) => (siblings.length === 1 ? query.regions : undefined),
   "pieces.caption": ({ answer, siblings, record }) => (siblings.length === 1 && answer.object) || record.choices?.[0].material,
   under: () => [],
   "pieces.choices.inside": (entry) => (isShell(entry) ? "not known" : undefined),
   "pieces.choices.density_kg_m3": (entry) => (isMixed(entry) ? undefined : known.get(entry.record.material)?.fields.density_kg_m3),
+  "alternatives.density_kg_m3": ({ answer, record }) => (answer.form === "mixed" ? undefined : known.get(record.material)?.fields.density_kg_m3),
+  "alternatives.wall_thickness_mm": ({ query, answer }) => (answer.form === "shell" ? reading(entryOf(query), "wall_thickness_mm").value : undefined),
 };
 function fallbackOf(entry, name) {
   const fallback = lineOf(fallbacks, entry, name);
@@ -56,25 +60,28 @@ function fallbackOf(entry, name) {
   return mayBeNull(entry.schema.properties[name]) && !lineOf(belongs, entry, name) ? null : undefined;
 }
 
-/* Hypotheses exclude one another, and so do the choices of a piece under each hypothesis: for each such group that an entry is
-   in, the probability that is left, and how many of the group have none yet. */
-function groupsOf({ record, siblings, answer }) {
-  const under = record.under?.length ? record.under : answer.hypotheses.map((_, number) => number + 1);
-  return under.map((hypothesis) => {
-    const group = siblings.filter((other) => !other.under?.length || other.under.includes(hypothesis));
+/* Hypotheses exclude one another, and so do the choices of a piece under each hypothesis, and the alternatives to a material that is
+   named with a confidence: for each such group that an entry is in, the probability that is left, and how many of the group have none
+   yet. */
+function groupsOf({ query, record, siblings, answer }) {
+  const groupOf = (group, all) => {
     const given = group.map((other) => numbersFrom(other.probability, 1, [0, 100], "probability").value?.[0]);
-    return { left: 1 - given.reduce((sum, percent = 0) => sum + percent / 100, 0), open: given.filter((percent) => percent === undefined).length };
-  });
+    return { left: all - given.reduce((sum, percent = 0) => sum + percent / 100, 0), open: given.filter((percent) => percent === undefined).length };
+  };
+  if (!answer.hypotheses) return [groupOf(siblings, 1 - (reading(entryOf(query), "confidence").value ?? 0))];
+  const under = record.under?.length ? record.under : answer.hypotheses.map((_, number) => number + 1);
+  return under.map((hypothesis) => groupOf(siblings.filter((other) => !other.under?.length || other.under.includes(hypothesis)), 1));
 }
 
 /* An entry without a probability has an equal share of what is left. */
 function shareOf(entry) {
-  return entry.siblings.length === 1 ? 1 : Math.max(0, Math.min(...groupsOf(entry).map(({ left, open }) => left / open)));
+  return entry.answer.hypotheses && entry.siblings.length === 1 ? 1 : Math.max(0, Math.min(...groupsOf(entry).map(({ left, open }) => left / open)));
 }
 
 function problemOfShare(entry) {
   const groups = groupsOf(entry), least = Math.min(...groups.map(({ left }) => left));
   const percent = Math.round(Math.abs(1000 * least)) / 10;
+  if (!entry.answer.hypotheses) return least < -0.0005 ? `${percent} % too much: with the confidence, they make at most 100 %.` : undefined;
   if (least < -0.0005) return `${percent} % too much: together they make 100 %.`;
   if (least > 0.0005 && groups.every(({ open }) => !open)) return `${percent} % are left: together they make 100 %.`;
   return undefined;

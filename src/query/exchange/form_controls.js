@@ -9,7 +9,7 @@ const SUGGESTIONS = 40;
 const UNITS = { kg_m3: "kg/m³", mpa: "MPa", mm: "mm", ml: "ml", g: "g" };
 const WORDS = {
   probability: "probability, %", printed: "printed on it about its contents", numbers: "regions, by their numbers", under: "only if it is",
-  hypotheses: "what it may be", choices: "made of", unnumbered: "what has no number",
+  hypotheses: "what it may be", choices: "made of", alternatives: "or else made of", unnumbered: "what has no number",
   confidence: "confidence in the material, 0 to 1", fill_share: "share of the hollow, 0 to 1",
 };
 /* What fields ask, and what options mean. */
@@ -22,6 +22,7 @@ const HELP = {
   fill_share: "How much of the hollow is filled, with the gaps between the pieces: 0.95 for a full bottle.",
   bulk_density_kg_m3: "Its mass divided by the volume within its outer surface, with all gaps.",
   confidence: "How sure you are of the material: 1 if you know it, 0.5 if it may as well be another.",
+  alternatives: "What else it may be made of. What you leave to none of them is for anything else.",
   numbers: "The numbers in the picture that belong to this piece.",
   probability: "How probable this is. What you leave open is what is left to 100.",
   printed: "What is written on it, such as NET WT 305 g. Nothing if nothing is.",
@@ -34,8 +35,8 @@ const HELP = {
 };
 const help = (name) => HELP[name] || "";
 /* The buttons of lists. */
-const ADD = { hypotheses: "It may also be ...", pieces: "Another piece", choices: "Or else ...", unnumbered: "Something without a number" };
-const REMOVE = { hypotheses: "It is not this", pieces: "Remove this piece", choices: "Not this", unnumbered: "Remove" };
+const ADD = { hypotheses: "It may also be ...", pieces: "Another piece", choices: "Or else ...", alternatives: "Or else ...", unnumbered: "Something without a number" };
+const REMOVE = { hypotheses: "It is not this", pieces: "Remove this piece", choices: "Not this", alternatives: "Not this", unnumbered: "Remove" };
 const label = (name) => WORDS[name] || name.replace(/_(kg_m3|mpa|mm|ml|g)$/, (_, unit) => ", " + UNITS[unit]).replaceAll("_", " ");
 const wordFor = (option) => (option === false ? "no" : option === true ? "yes" : String(option));
 

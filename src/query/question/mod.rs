@@ -33,6 +33,8 @@ pub struct Question {
 
 /// Tokens of an answer about a part, with nineteen fields.
 const TOKENS_OF_PART: u64 = 370;
+/// The same with two alternatives to the material.
+const TOKENS_OF_FOLLOW_UP: u64 = 480;
 /// Tokens of an answer that names a thing, its clues and a range.
 pub(super) const TOKENS_OF_GUESS: u64 = 100;
 
@@ -68,7 +70,8 @@ pub enum Reading<'a> {
 }
 
 impl Questions {
-    /// The questions for a library, with the given prompts.
+    /// The questions for a library, with the given prompts. About [`AskAbout::Object`], they are those about a single part that follow
+    /// the one about the object.
     pub fn new(
         prompts: &Prompts,
         library: &MaterialLibrary,
@@ -147,14 +150,16 @@ fn material(
         })
         .collect();
     let candidates = candidates.join("\n");
-    let (prompt, (file, schema)) = match about {
-        AskAbout::Object | AskAbout::Parts => {
-            (prompts.part(context, &candidates, &by_kind(library))?, prompts.part_schema())
+    let named = by_kind(library);
+    let (prompt, (file, schema), tokens) = match about {
+        AskAbout::Object => {
+            (prompts.follow_up(context, &candidates, &named)?, prompts.follow_up_schema(), TOKENS_OF_FOLLOW_UP)
         }
-        AskAbout::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema()),
+        AskAbout::Parts => (prompts.part(context, &candidates, &named)?, prompts.part_schema(), TOKENS_OF_PART),
+        AskAbout::Segments => (prompts.segment(context, &candidates)?, prompts.segment_schema(), TOKENS_OF_PART),
     };
     let fillings: Vec<&str> = library.fillings().iter().map(|filling| filling.name.as_str()).collect();
-    Ok(Question::new(prompt, Schema::new(file, schema.clone(), families, &fillings)?))
+    Ok(Question::new(prompt, Schema::new(file, schema.clone(), families, &fillings)?).answered_in(tokens))
 }
 
 /// The names of the fillings, one line for each kind.

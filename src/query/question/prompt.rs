@@ -24,6 +24,8 @@ pub struct Prompts {
     picture_global_local: String,
     picture_local: String,
     part_schema: Value,
+    /// That of the file, from which [`Self::part_schema`] leaves out the alternatives.
+    follow_up_schema: Value,
     segment_schema: Value,
     family_schema: Value,
     size: String,
@@ -95,6 +97,7 @@ impl Prompts {
             json::read(text.as_bytes())
                 .map_err(|error| PromptError::Schema { file: name.into(), problem: error.to_string() })
         };
+        let follow_up_schema: Value = json(PART_SCHEMA, include_str!("../../../prompts/answer.schema.json"))?;
         let prompts = Self {
             part: text(PART, include_str!("../../../prompts/part.txt"))?,
             segment: text(SEGMENT, include_str!("../../../prompts/segment.txt"))?,
@@ -105,7 +108,8 @@ impl Prompts {
                 include_str!("../../../prompts/picture_global_local.txt"),
             )?,
             picture_local: text(PICTURE_LOCAL, include_str!("../../../prompts/picture_local.txt"))?,
-            part_schema: json(PART_SCHEMA, include_str!("../../../prompts/answer.schema.json"))?,
+            part_schema: without_alternatives(follow_up_schema.clone()),
+            follow_up_schema,
             segment_schema: json(SEGMENT_SCHEMA, include_str!("../../../prompts/segment.schema.json"))?,
             family_schema: json("family.schema.json", include_str!("../../../prompts/family.schema.json"))?,
             size: text(SIZE, include_str!("../../../prompts/size.txt"))?,
@@ -116,6 +120,7 @@ impl Prompts {
             direct_schema: json(DIRECT_SCHEMA, include_str!("../../../prompts/direct.schema.json"))?,
         };
         prompts.part(Context::GlobalLocal, "", "")?;
+        prompts.follow_up(Context::GlobalLocal, "", "")?;
         prompts.segment(Context::GlobalLocal, "")?;
         prompts.family(Context::GlobalLocal, "")?;
         prompts.correction("")?;
@@ -129,8 +134,24 @@ impl Prompts {
 
     /// The question for a part's material, properties and contents, with `candidates` and `fillings` to choose from.
     pub fn part(&self, context: Context, candidates: &str, fillings: &str) -> Result<String, PromptError> {
+        self.about_part(context, candidates, fillings, false)
+    }
+
+    /// As [`Self::part`], for a question that follows the one about the whole object: what else the part may be made of is asked for,
+    /// too, if the schema has it.
+    pub fn follow_up(&self, context: Context, candidates: &str, fillings: &str) -> Result<String, PromptError> {
+        self.about_part(context, candidates, fillings, self.follow_up_schema != self.part_schema)
+    }
+
+    fn about_part(
+        &self,
+        context: Context,
+        candidates: &str,
+        fillings: &str,
+        alternatives: bool,
+    ) -> Result<String, PromptError> {
         let picture = self.picture(context);
-        render(PART, &self.part, context! { picture, candidates, fillings })
+        render(PART, &self.part, context! { picture, candidates, fillings, alternatives })
     }
 
     /// The question for a segment's material and properties, with `candidates` to choose from.
@@ -185,6 +206,11 @@ impl Prompts {
         (PART_SCHEMA, &self.part_schema)
     }
 
+    /// The schema of an answer to [`Self::follow_up`], with its file's name.
+    pub fn follow_up_schema(&self) -> (&'static str, &Value) {
+        (PART_SCHEMA, &self.follow_up_schema)
+    }
+
     /// The schema of an answer to [`Self::segment`], with its file's name.
     pub fn segment_schema(&self) -> (&'static str, &Value) {
         (SEGMENT_SCHEMA, &self.segment_schema)
@@ -204,7 +230,7 @@ impl Prompts {
             self.correction.as_bytes(),
             self.picture_global_local.as_bytes(),
             self.picture_local.as_bytes(),
-            self.part_schema.to_string().as_bytes(),
+            self.follow_up_schema.to_string().as_bytes(),
             self.segment_schema.to_string().as_bytes(),
             self.family_schema.to_string().as_bytes(),
             self.size.as_bytes(),
@@ -220,6 +246,18 @@ impl Prompts {
             Context::Local => self.picture_local.trim(),
         }
     }
+}
+
+/// The schema of an answer about a part that names one material only.
+fn without_alternatives(mut schema: Value) -> Value {
+    const NAME: &str = "alternatives";
+    if let Some(properties) = schema.get_mut("properties").and_then(Value::as_object_mut) {
+        properties.shift_remove(NAME);
+    }
+    if let Some(required) = schema.get_mut("required").and_then(Value::as_array_mut) {
+        required.retain(|name| name != NAME);
+    }
+    schema
 }
 
 /// Checks that a text, which is sent as it is, has no placeholder, comment or statement of a template.

@@ -11,6 +11,8 @@ use crate::query::recorded::sha256::Sha256Hex;
 
 /// The properties whose value is one of a list of names: of the families, of the fillings.
 const NAMED: [&str; 2] = ["family", "filling"];
+/// The list whose items have such properties, too.
+const LIST: &str = "alternatives";
 
 /// A compiled schema.
 #[derive(Debug)]
@@ -35,17 +37,19 @@ pub enum ResponseProblem {
 }
 
 impl Schema {
-    /// The schema `value` with its `family` narrowed to `families` and its `filling`, if it has one, to `fillings` or
-    /// null.
+    /// The schema `value` with its `family`, and that of its `alternatives`, narrowed to `families`, and its `filling`, if it has one,
+    /// to `fillings` or null.
     pub fn new(file: &str, mut value: Value, families: &[&str], fillings: &[&str]) -> Result<Self, PromptError> {
         if !value.is_object() {
             return Err(PromptError::Schema { file: file.into(), problem: "it is not a JSON object".into() });
         }
         let or_null = fillings.iter().map(|name| json!(name)).chain([Value::Null]).collect();
         for (property, choices) in NAMED.into_iter().zip([json!(families), Value::Array(or_null)]) {
-            let property = value.get_mut("properties").and_then(|properties| properties.get_mut(property));
-            if let Some(property) = property.and_then(Value::as_object_mut) {
-                property.insert("enum".into(), choices);
+            for of in [String::new(), format!("/properties/{LIST}/items")] {
+                let property = value.pointer_mut(&format!("{of}/properties/{property}"));
+                if let Some(property) = property.and_then(Value::as_object_mut) {
+                    property.insert("enum".into(), choices.clone());
+                }
             }
         }
         let validator = jsonschema::validator_for(&value)
@@ -118,6 +122,8 @@ impl Schema {
                 name.clone_into(written);
             }
         }
+        let items = value.get_mut(LIST).and_then(Value::as_array_mut);
+        items.into_iter().flatten().for_each(|item| self.respell_names(item));
     }
 }
 

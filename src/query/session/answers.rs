@@ -91,7 +91,7 @@ impl QuerySession<'_> {
         };
         let due = self.follow_ups(&recognition);
         let places = due.places();
-        let round = self.prepare(&places)?;
+        let round = self.prepare_follow_ups(&places)?;
         begin(&round)?;
         let outcomes: Vec<Option<Outcome>> = match asker.filter(|_| self.options.answers.may_ask()) {
             Some(_) => {
@@ -191,7 +191,7 @@ impl QuerySession<'_> {
     /// The most probable way in which each part of the object may be made, as an answer about its first region in the view that
     /// shows it best; its confidence is its probability.
     fn of_parts(&self, recognized: &ObjectAnswers) -> Answers {
-        let alternatives = recognized.alternatives();
+        let alternatives = recognized.alternatives(&self.library);
         let probabilities = recognized.probabilities(&alternatives);
         let answered = |(part, (of, probabilities)): (&RecognizedPart, (&Vec<Alternative>, &Vec<f64>))| {
             let best = (0..of.len()).rev().max_by(|a, b| probabilities[*a].total_cmp(&probabilities[*b]))?;

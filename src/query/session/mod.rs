@@ -227,7 +227,10 @@ impl<'a> QuerySession<'a> {
         let own = Recordings::open(&[], &self.own_recordings)?;
         let mut all: Vec<SubjectInView> = self.subjects.iter().flat_map(Subject::all).collect();
         all.sort_unstable();
-        let used = Queries { whole: self.whole.all().collect(), ..self.prepare(&all)? }.used(&own);
+        let mut used = Queries { whole: self.whole.all().collect(), ..self.prepare(&all)? }.used(&own);
+        if self.whole.recognition.is_some() {
+            used.extend(self.prepare_follow_ups(&all)?.used(&own));
+        }
         let (kept, useless): (Vec<_>, Vec<_>) = own.keys().into_iter().partition(|key| used.contains(key));
         for key in &useless {
             own.remove(key)?;

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::{ForPerson, QuerySession};
+use crate::consensus::AskAbout;
 use crate::error::Result;
 use crate::query::ask::asker::Asker;
 use crate::query::ask::rounds::{Outcomes, SubjectInView};
@@ -24,7 +25,7 @@ impl QuerySession<'_> {
         if let Some(what) = &self.whole.recognition {
             // Its answer says what is left to ask.
             if let Ok(recognition) = queries.recorded_whole(what, &self.recordings, answerer) {
-                queries.subjects = self.prepare(&self.follow_ups(&recognition).places())?.subjects;
+                queries.subjects = self.prepare_follow_ups(&self.follow_ups(&recognition).places())?.subjects;
             }
             return Ok(queries);
         }
@@ -53,6 +54,15 @@ impl QuerySession<'_> {
 
     /// The questions about `subjects`, which are sorted, with their sheets.
     pub(super) fn prepare(&self, subjects: &[SubjectInView]) -> Result<Queries<'_>> {
+        self.prepare_about(self.about, subjects)
+    }
+
+    /// As [`Self::prepare`], the questions that follow the one about the object.
+    pub(super) fn prepare_follow_ups(&self, subjects: &[SubjectInView]) -> Result<Queries<'_>> {
+        self.prepare_about(AskAbout::Object, subjects)
+    }
+
+    fn prepare_about(&self, about: AskAbout, subjects: &[SubjectInView]) -> Result<Queries<'_>> {
         let ids_of = |view: usize, map: usize| -> Vec<u16> {
             let ids = subjects.iter().filter(|subject| subject.view == view).map(|subject| subject.id);
             let maps = &self.views[view].maps;
@@ -69,12 +79,13 @@ impl QuerySession<'_> {
             .filter(|(.., ids)| !ids.is_empty())
             .map(|(view, map, ids)| ViewSubjects { name: view.name, photo: &view.photo, map, ids })
             .collect();
-        Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options, self.about)?)
+        Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options, about)?)
     }
 
-    /// The questions about the whole object, and no others.
+    /// The questions about the whole object, and no others yet.
     pub(super) fn about_whole(&self) -> Result<Queries<'_>> {
-        Ok(Queries { whole: self.whole.all().collect(), ..self.prepare(&[])? })
+        let about = if self.whole.recognition.is_some() { AskAbout::Object } else { self.about };
+        Ok(Queries { whole: self.whole.all().collect(), ..self.prepare_about(about, &[])? })
     }
 
     fn place(&self, view: &str, id: u16) -> SubjectInView {

@@ -37,7 +37,8 @@ pub fn object(parts: &Parts, pictures: &Pictures) -> Option<Value> {
     });
     let asked = belief.parts.iter().filter_map(|part| {
         let asked = part.asked.as_ref()?;
-        Some(context! { name => name(part), view => &asked.view, why => asked.why.to_string(), material => &asked.material })
+        let (why, answer) = (asked.why.to_string(), asked.answer_in_words());
+        Some(context! { name => name(part), view => &asked.view, why, answer })
     });
     Some(context! {
         sheet => pictures.object.as_ref().map(|jpeg| data_uri("image/jpeg", jpeg)),
