@@ -115,11 +115,11 @@ fn alternatives_are_read_like_the_material_that_is_named() {
         let problem = read(&answer).expect_err(named);
         assert!(problem.reason.contains(named), "{named}: {}", problem.reason);
     }
-    let nearest = steel("material", json!("steel, milder")).to_string();
+    let nearest = steel("material", json!("steel, mild tree")).to_string();
     let answer = read_about(AskAbout::Object, &nearest, Unknown::TakeNearest).unwrap();
     assert_eq!(answer.alternatives[0].material, "steel, mild");
     assert!(
-        answer.flags[0].starts_with("alternative 1: \"steel, milder\" is not in the library"),
+        answer.flags[0].starts_with("alternative 1: \"steel, mild tree\" is not in the library"),
         "{:?}",
         answer.flags
     );
