@@ -3,19 +3,27 @@
 use image::{GrayImage, Luma};
 
 use crate::camera::Camera;
-use crate::render::{Colors, FOREGROUND_ALPHA, RenderOptions, render};
+use crate::gaussians::Gaussians;
+use crate::render::{Colors, FOREGROUND_ALPHA, RenderOptions, close_holes, render};
 use crate::scene::{ForegroundSource, Photo, Scene, SceneError, View};
 
-/// 255 where at least half of the pixel's light comes from the object's Gaussians, 0 elsewhere.
+/// 255 where at least half of the pixel's light comes from the object's Gaussians, and in [highlights](close_holes) that they enclose; 0
+/// elsewhere.
 pub fn foreground(scene: &Scene, camera: &Camera) -> GrayImage {
-    let cloud = scene.whole_cloud();
-    // The object is rendered white, its surroundings black, so the brightness is the object's share of the light.
-    let glow = |i: usize| if i < scene.gaussians.len() { [1.0; 3] } else { [0.0; 3] };
+    foreground_of(&scene.whole_cloud(), |i| i < scene.gaussians.len(), camera)
+}
+
+/// The same for those of the Gaussians of `cloud` that `is_own` chooses by index.
+pub fn foreground_of(cloud: &Gaussians, is_own: impl Fn(usize) -> bool, camera: &Camera) -> GrayImage {
+    // The object is rendered white, the rest black, so the brightness is the object's share of the light.
+    let glow = |i: usize| if is_own(i) { [1.0; 3] } else { [0.0; 3] };
     let colors: Vec<[f32; 3]> = (0..cloud.len()).map(glow).collect();
     let options = RenderOptions { colors: Colors::Fixed(&colors), ..RenderOptions::default() };
-    let picture = render(&cloud, camera, &options);
+    let picture = render(cloud, camera, &options);
+    let mut share: Vec<f32> = picture.rgb.iter().map(|[share, ..]| *share).collect();
+    close_holes(&mut share, picture.width as usize);
     GrayImage::from_fn(picture.width, picture.height, |x, y| {
-        let share = picture.rgb[(y * picture.width + x) as usize][0];
+        let share = share[(y * picture.width + x) as usize];
         Luma([if share >= FOREGROUND_ALPHA { 255 } else { 0 }])
     })
 }

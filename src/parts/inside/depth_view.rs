@@ -7,7 +7,7 @@
 
 use crate::camera::{Camera, Intrinsics};
 use crate::gaussians::Gaussians;
-use crate::render::{LANES, RenderOptions, Sink, Splat, TILE, TileRect, pixels, visit};
+use crate::render::{LANES, RenderOptions, Sink, Splat, TILE, TileRect, close_holes, pixels, visit};
 
 /// The surface is where this share of the light is absorbed.
 const GONE: f32 = 0.5;
@@ -16,7 +16,7 @@ const GONE: f32 = 0.5;
 pub struct DepthView {
     /// The camera of the rendered picture, which may be smaller than the photo.
     pub camera: Camera,
-    /// Share of the pixel's light that comes from Gaussians, 0 to 1.
+    /// Share of the pixel's light that comes from Gaussians, 0 to 1; at least a half in [highlights](close_holes).
     pub alpha: Vec<f32>,
     /// Planar depth of the surface, scene units; infinite where there is none.
     pub depth: Vec<f32>,
@@ -36,6 +36,7 @@ impl DepthView {
                 depth[outside] = front.depth[inside];
             }
         }
+        close_holes(&mut alpha, width);
         Self { camera, alpha, depth }
     }
 }
