@@ -140,7 +140,7 @@ pub struct AlternativeMaterial {
     pub material: String,
     /// As that of an answer.
     pub density_kg_m3: Range,
-    /// Of the wall, if the part is a shell.
+    /// Of the wall. Without it, what the answer takes for a shell would be solid if it were made of this.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub wall_thickness_m: Option<Range>,
     /// As the model states it.

@@ -298,7 +298,11 @@ fn alternative(
             written.probability
         )));
     }
-    let form = self::form(form, written.wall_thickness_mm, flags)?;
+    let form = match (form, written.wall_thickness_mm) {
+        // Instead of an imitation with a wall, the real fruit.
+        (WrittenForm::Shell, None) => Form::Solid,
+        (form, wall_thickness_mm) => self::form(form, wall_thickness_mm, flags)?,
+    };
     let said = possible(&DENSITY, written.density_kg_m3, flags)?;
     let density_kg_m3 = if form == Form::Mixed {
         said

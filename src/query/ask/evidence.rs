@@ -142,7 +142,11 @@ impl ObjectAnswers {
 fn named(said: &Answer, library: &MaterialLibrary) -> Vec<Answer> {
     let answer = |of: &AlternativeMaterial| {
         let Answer { caption, form, inside, bulk_reason, several_materials, matched, .. } = said.clone();
-        let form = of.wall_thickness_m.map_or(form, |wall_thickness_m| Form::Shell { wall_thickness_m });
+        let (form, inside) = match (of.wall_thickness_m, form) {
+            (Some(wall_thickness_m), _) => (Form::Shell { wall_thickness_m }, inside),
+            (None, Form::Shell { .. }) => (Form::Solid, None),
+            (None, form) => (form, inside),
+        };
         let (density_kg_m3, confidence) = (of.density_kg_m3, of.probability);
         let row = Answer::of(library.get(&of.material)?);
         Some(Answer {
@@ -187,8 +191,9 @@ fn weighed(mut alternatives: Vec<Alternative>, named: &[Answer]) -> Vec<Alternat
     for (of, said) in alternatives.iter_mut().zip(&agreeing) {
         let of_family = if is_named(&of.answer) { 0.0 } else { half_of_rest };
         let probability = (together(said) + of_family).max(half_of_rest);
-        of.likelihood = probability * likelihood_of_make(&of.answer, &named[0]);
-        if let Some(most_probable) = said.first() {
+        let most_probable = said.first().copied();
+        of.likelihood = probability * likelihood_of_make(&of.answer, most_probable.unwrap_or(&named[0]));
+        if let Some(most_probable) = most_probable {
             of.answer = joined(&of.answer, most_probable);
         }
     }
@@ -444,6 +449,18 @@ mod tests {
         // the likelihood 0.4 x 0.9 x 0.9.
         let found = probabilities(&answers);
         assert_near(&found, &[0.0405, 0.75 * 0.0324, 0.25 * 0.0324]);
+    }
+
+    #[test]
+    fn an_alternative_is_compared_in_its_own_form() {
+        let imitation = wall(0.001, 0.001, answer("abs", EQUAL));
+        let choices = [(&[0, 1][..], 0.5, imitation.clone()), (&[0, 1], 0.5, answer("stoneware", EQUAL))];
+        let mut said = or(&[("stoneware", 0.3)], Answer { confidence: 0.6, ..imitation });
+        assert!(said.alternatives[0].wall_thickness_m.is_some());
+        // As walls: the choice of solid stoneware has another form than the alternative.
+        assert_near(&probabilities(&asked(&choices, said.clone())), &[0.6 * 0.9, 0.3 * 0.1]);
+        said.alternatives[0].wall_thickness_m = None;
+        assert_near(&probabilities(&asked(&choices, said)), &[0.6, 0.3]);
     }
 
     #[test]
