@@ -652,8 +652,9 @@ fn found_objects_are_compared_with_the_true_ones() {
     let report = &found[0];
     for (object, name) in report["objects"].as_array().unwrap().iter().zip(["brick", "cup"]) {
         assert_eq!(object["name"], name);
-        // Rendered with the same Gaussians as the truth; a box leaves out a few strays.
-        assert!(object["mask_iou"].as_f64().unwrap() > 0.999, "{report}");
+        // Rendered with the same Gaussians as the truth, in which the thing with most of a pixel's light has it, though it be less than
+        // half; a box leaves out a few strays.
+        assert!(object["mask_iou"].as_f64().unwrap() > 0.995, "{report}");
         assert!(object["box_iou"].as_f64().unwrap() > 0.8, "{report}");
         assert!(object["center_error_m"].as_f64().unwrap() < 0.01, "{report}");
     }
