@@ -162,7 +162,7 @@ fn named(said: &Answer, library: &MaterialLibrary) -> Vec<Answer> {
         })
     };
     let others: Vec<Answer> = said.alternatives.iter().filter_map(answer).collect();
-    let of_others: f64 = others.iter().map(|of| of.confidence).sum();
+    let of_others = probability_of(&others);
     let first = said.confidence.max((1.0 - of_others) / 3.0);
     let factor = if said.several_materials {
         // It names only some of the materials: the first is as probable as each half of what it leaves.
@@ -175,10 +175,14 @@ fn named(said: &Answer, library: &MaterialLibrary) -> Vec<Answer> {
     std::iter::once(first).chain(others).map(counted).collect()
 }
 
+/// The probability that one of these [`named`] materials is right.
+fn probability_of<'a>(named: impl IntoIterator<Item = &'a Answer>) -> f64 {
+    named.into_iter().map(|of| of.confidence).sum()
+}
+
 /// The alternatives after an answer about the part that [`named`] these.
 fn weighed(mut alternatives: Vec<Alternative>, named: &[Answer]) -> Vec<Alternative> {
-    let together = |of: &[&Answer]| of.iter().map(|of| of.confidence).sum::<f64>();
-    let half_of_rest = 0.5 * (1.0 - together(&named.iter().collect::<Vec<_>>()));
+    let half_of_rest = 0.5 * (1.0 - probability_of(named));
     let is_named = |of: &Answer| named.iter().any(|said| said.material == of.material);
     let is_a_choice = |said: &Answer| alternatives.iter().any(|of| of.answer.material == said.material);
     let agree = |of: &Answer, said: &Answer| {
@@ -190,14 +194,14 @@ fn weighed(mut alternatives: Vec<Alternative>, named: &[Answer]) -> Vec<Alternat
     let outside: Vec<&Answer> = outside.collect();
     for (of, said) in alternatives.iter_mut().zip(&agreeing) {
         let of_family = if is_named(&of.answer) { 0.0 } else { half_of_rest };
-        let probability = (together(said) + of_family).max(half_of_rest);
+        let probability = (probability_of(said.iter().copied()) + of_family).max(half_of_rest);
         let most_probable = said.first().copied();
         of.likelihood = probability * likelihood_of_make(&of.answer, most_probable.unwrap_or(&named[0]));
         if let Some(most_probable) = most_probable {
             of.answer = joined(&of.answer, most_probable);
         }
     }
-    let all_outside = together(&outside);
+    let all_outside = probability_of(outside.iter().copied());
     let Some(Alternative { under, answer, .. }) = alternatives.first().filter(|_| all_outside > 0.0) else {
         return alternatives;
     };
@@ -403,10 +407,14 @@ mod tests {
 
     const EQUAL: f64 = 1.0 / 3.0;
 
+    /// Choices of these materials, which are equally probable under both hypotheses.
+    fn equally_probable(materials: [&str; 3]) -> [(&'static [usize], f64, Answer); 3] {
+        materials.map(|material| (&[0, 1][..], EQUAL, answer(material, EQUAL)))
+    }
+
     #[test]
     fn every_material_that_is_named_has_its_probability() {
-        let choice = |material: &str| (&[0, 1][..], EQUAL, answer(material, EQUAL));
-        let choices = ["stoneware", "steel, mild", "abs"].map(choice);
+        let choices = equally_probable(["stoneware", "steel, mild", "abs"]);
         // It leaves 0.2, of which any other choice has half.
         let said = or(&[("steel, mild", 0.3)], answer("stoneware", 0.5));
         assert_near(&probabilities(&asked(&choices, said)), &[0.5, 0.3, 0.1]);
@@ -423,8 +431,7 @@ mod tests {
 
     #[test]
     fn an_alternative_without_a_choice_counts_for_those_of_its_family() {
-        let choice = |material: &str| (&[0, 1][..], EQUAL, answer(material, EQUAL));
-        let choices = ["steel, mild", "aluminium 6061-t6", "abs"].map(choice);
+        let choices = equally_probable(["steel, mild", "aluminium 6061-t6", "abs"]);
         // Both metals that are named, the second of which is none of the choices; it leaves 0.1.
         let said = or(&[("stainless steel 304", 0.4)], answer("aluminium 6061-t6", 0.5));
         assert_near(&probabilities(&asked(&choices, said)), &[0.45, 0.5, 0.05]);
@@ -465,8 +472,7 @@ mod tests {
 
     #[test]
     fn an_answer_that_sees_several_materials_decides_little_with_alternatives_too() {
-        let choice = |material: &str| (&[0, 1][..], EQUAL, answer(material, EQUAL));
-        let choices = ["stoneware", "steel, mild", "abs"].map(choice);
+        let choices = equally_probable(["stoneware", "steel, mild", "abs"]);
         let said = or(&[("steel, mild", 0.2)], answer("stoneware", 0.6));
         // 0.6 and 0.2 over 3 x 0.6 + 0.2; what is left has half of the rest, which is as much as the first. So has the second.
         let found = probabilities(&asked(&choices, Answer { several_materials: true, ..said }));
