@@ -5,5 +5,5 @@ mod foreground;
 mod mesh;
 mod orbit;
 
-pub use foreground::{foreground, foreground_of, photo_with_foreground};
+pub use foreground::{foreground, photo_with_foreground};
 pub use orbit::{orbit, render_views};

@@ -6,7 +6,6 @@ use nalgebra::Point2;
 use crate::error::Result;
 use crate::pictures::framing::middles;
 use crate::pictures::{jpeg, palette, strokes};
-use crate::render::{RenderOptions, render_labels};
 use crate::report::PictureError;
 use crate::scene::{StandingObjects, View};
 
@@ -22,7 +21,7 @@ const DISC: f64 = 0.018;
 /// If the photo cannot be read.
 pub fn draw(found: &StandingObjects, view: &View) -> Result<Vec<u8>> {
     let mut picture = view.photo().map_err(PictureError::Photo)?.rgb;
-    let labels = render_labels(&found.gaussians, &view.camera, &found.object_of_gaussian, &RenderOptions::default());
+    let labels = found.shown(&view.camera);
     let (width, longest) = (picture.width() as usize, f64::from(picture.width().max(picture.height())));
     outline(&mut picture, &labels, (OUTLINE * longest).round().max(1.0) as usize);
     for (number, middle) in (0..).zip(middles(&labels, width, found.count + 1)).skip(1) {
@@ -36,8 +35,7 @@ pub fn draw(found: &StandingObjects, view: &View) -> Result<Vec<u8>> {
 /// Colours the pixels of each object from which another label is at most `reach` pixels away, to the right or below.
 fn outline(picture: &mut RgbImage, labels: &[Option<u32>], reach: usize) {
     let (width, height) = (picture.width() as usize, picture.height() as usize);
-    let label_at =
-        |x: usize, y: usize| labels[y.min(height - 1) * width + x.min(width - 1)].filter(|label| *label != 0);
+    let label_at = |x: usize, y: usize| labels[y.min(height - 1) * width + x.min(width - 1)];
     for (x, y, pixel) in picture.enumerate_pixels_mut() {
         let (x, y) = (x as usize, y as usize);
         let here = label_at(x, y);

@@ -3,7 +3,7 @@
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::parallel;
-use crate::render::{RenderOptions, render_labels};
+use crate::render::render_foregrounds;
 use crate::scene::{ObjectNumber, StandingObjects};
 use crate::words::progress::Progress;
 
@@ -52,10 +52,9 @@ pub fn look(found: &StandingObjects, progress: Progress) -> Vec<Look> {
     let bar = progress.bar("objects", count as u64).with_message("photos");
     let look = |&view: &usize| {
         let camera = reduced(&found.views[view].camera);
-        let labels = render_labels(&found.gaussians, &camera, &found.object_of_gaussian, &RenderOptions::default());
+        let labels = found.shown(&camera);
         let in_photo = |(number, gaussians): (u32, &Gaussians)| {
-            let by_itself =
-                render_labels(gaussians, &camera, &vec![number; gaussians.len()], &RenderOptions::default());
+            let by_itself = render_foregrounds(gaussians, &camera, &vec![number; gaussians.len()]);
             let alone = by_itself.iter().filter(|label| label.is_some()).count();
             let both =
                 labels.iter().zip(&by_itself).filter(|(label, alone)| **label == Some(number) && alone.is_some());

@@ -8,7 +8,7 @@ use super::tiles::TILE;
 pub(super) struct LabelSink<'a> {
     labels: &'a [u32],
     /// The labels seen in this tile, in order of first appearance. They are few, so a linear search is fast.
-    planes: Vec<(u32, [f32; TILE * TILE])>,
+    pub planes: Vec<(u32, [f32; TILE * TILE])>,
 }
 
 impl<'a> LabelSink<'a> {

@@ -35,7 +35,7 @@ use std::sync::Arc;
 use crate::camera::Camera;
 use crate::files;
 use crate::gaussians::Gaussians;
-use crate::render::{RenderOptions, render_labels};
+use crate::render::render_foregrounds;
 use crate::units::MetricScale;
 use crate::words::output::counted;
 use crate::words::progress::Progress;
@@ -389,6 +389,11 @@ impl StandingObjects {
         }
     }
 
+    /// For each pixel, row by row, the number of the object that it [shows](render_foregrounds).
+    pub fn shown(&self, camera: &Camera) -> Vec<Option<u32>> {
+        render_foregrounds(&self.gaussians, camera, &self.object_of_gaussian)
+    }
+
     /// The object that a pixel of a photo shows.
     ///
     /// # Errors
@@ -396,7 +401,7 @@ impl StandingObjects {
     pub fn at(&self, point: &PhotoPoint) -> Result<ObjectNumber, SceneError> {
         let view = &self.views[index_of(&self.views, &point.view)?];
         let (size, [x, y]) = (view.camera.intrinsics, point.pixel);
-        let labels = render_labels(&self.gaussians, &view.camera, &self.object_of_gaussian, &RenderOptions::default());
+        let labels = self.shown(&view.camera);
         let label_at = |x: u32, y: u32| labels[y as usize * size.width as usize + x as usize];
         let shown = (x < size.width && y < size.height).then(|| label_at(x, y)).flatten();
         ObjectNumber::first(self.count).find(|number| shown == Some(number.get())).ok_or_else(|| {

@@ -1,7 +1,9 @@
 //! Projection, blending, depth, labels.
 
 use gprop::camera::{Camera, Distortion};
-use gprop::render::{Colors, RenderOptions, Splat, project, render, render_labels};
+use gprop::render::{
+    Colors, FOREGROUND_ALPHA, RenderOptions, Splat, close_holes, project, render, render_foregrounds, render_labels,
+};
 use nalgebra::Vector3;
 
 use super::reference;
@@ -162,6 +164,35 @@ fn a_pixel_belongs_to_the_label_that_gives_most_of_its_light() {
     // An alpha of 0.4 is not foreground.
     let thin = cloud(&[front]);
     assert_eq!(render_labels(&thin, &camera(), &[7], &Default::default())[24 * 64 + 32], None);
+}
+
+/// Whole pictures of each label by itself, white before black.
+#[test]
+fn foregrounds_of_all_labels_are_those_of_each() {
+    for seed in 0..8 {
+        let gaussians = jumble(3000, seed);
+        let labels: Vec<u32> = (0..gaussians.len() as u32).map(|i| i * i % 5).collect();
+        let camera = camera();
+        let width = camera.intrinsics.width as usize;
+        let of = |label: u32| {
+            let colors: Vec<[f32; 3]> = labels.iter().map(|of| [f32::from(u8::from(*of == label)); 3]).collect();
+            let options = RenderOptions { colors: Colors::Fixed(&colors), ..Default::default() };
+            let own: Vec<f32> = render(&gaussians, &camera, &options).rgb.iter().map(|[share, ..]| *share).collect();
+            let mut closed = own.clone();
+            close_holes(&mut closed, width);
+            (label, own, closed)
+        };
+        let each: Vec<_> = [1, 4].map(of).into();
+        assert!(labels.contains(&0) && !labels.contains(&2), "squares modulo five");
+        let at = |pixel: usize| {
+            let own = each.iter().find(|(_, own, _)| own[pixel] >= FOREGROUND_ALPHA);
+            own.or(each.iter().find(|(.., closed)| closed[pixel] >= FOREGROUND_ALPHA)).map(|(label, ..)| *label)
+        };
+        let shown = render_foregrounds(&gaussians, &camera, &labels);
+        let expected: Vec<Option<u32>> = (0..shown.len()).map(at).collect();
+        assert!(expected.contains(&None) && expected.contains(&Some(1)) && expected.contains(&Some(4)));
+        assert_eq!(shown, expected, "seed {seed}");
+    }
 }
 
 #[test]

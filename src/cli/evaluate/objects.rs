@@ -2,13 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::camera::Camera;
 use crate::error::{Result, UsageError};
 use crate::evaluate::EvaluateError;
 use crate::evaluate::objects::{FoundObject, ObjectsEvaluation, Overlaps, Truth, compare};
 use crate::files;
 use crate::files::json;
-use crate::from_splat::foreground_of;
 use crate::parallel;
 use crate::scene::{ObjectNumber, Options, StandingObjects, View};
 
@@ -43,7 +41,7 @@ fn evaluate_one(folder: &Path, options: &Options) -> Result<ObjectsEvaluation> {
             let (map, view) = (map.dimensions(), view.name.clone());
             return Err(EvaluateError::MapSize { path, map, view, picture }.into());
         }
-        Ok((map, shown(&found, &view.camera)))
+        Ok((map, found.shown(&view.camera)))
     })?;
     let mut overlaps = Overlaps::default();
     for (map, labels) in maps {
@@ -52,17 +50,6 @@ fn evaluate_one(folder: &Path, options: &Options) -> Result<ObjectsEvaluation> {
     let object = |number: ObjectNumber| FoundObject { name: number.to_string(), bounds: found.bounds_in_input(number) };
     let objects: Vec<FoundObject> = ObjectNumber::first(found.count).map(object).collect();
     Ok(compare(&found.name, &truth, &objects, &overlaps, found.up.direction, views.len()))
-}
-
-/// For each pixel, the object in whose foreground it is.
-fn shown(found: &StandingObjects, camera: &Camera) -> Vec<Option<u32>> {
-    let mut shown = vec![None; camera.intrinsics.width as usize * camera.intrinsics.height as usize];
-    for number in 1..=found.count as u32 {
-        let foreground = foreground_of(&found.gaussians, |i| found.object_of_gaussian[i] == number, camera);
-        let own = shown.iter_mut().zip(foreground.as_raw()).filter(|(_, value)| **value > 0);
-        own.for_each(|(shown, _)| *shown = Some(number));
-    }
-    shown
 }
 
 fn truth(folder: &Path, options: &Options) -> Result<Truth> {
