@@ -89,9 +89,11 @@ impl Kinded for LinksError {
 impl Kinded for SceneError {
     fn kind(&self) -> ErrorKind {
         match self {
-            Self::UnknownView { .. } | Self::NoSuchObject { .. } | Self::AllObjects | Self::Option(_) => {
-                ErrorKind::Usage
-            }
+            Self::UnknownView { .. }
+            | Self::NoSuchObject { .. }
+            | Self::AllObjects
+            | Self::SeveralObjects { .. }
+            | Self::Option(_) => ErrorKind::Usage,
             _ => ErrorKind::Scene,
         }
     }

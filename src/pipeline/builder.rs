@@ -7,6 +7,7 @@ use super::run::{CommandLine, Run};
 use super::stages::{OpenScene, Stage, Tools, shared_scale};
 use super::{Options, Pipeline, Plan, work_folder_of};
 use crate::error::{Error, Result};
+use crate::scene::SceneError;
 use crate::vote::{self, VoteError};
 use crate::words::progress::{CancelToken, Event, ShowProgress, Watcher};
 use crate::workdir::WorkDir;
@@ -91,6 +92,9 @@ fn load(folder: &Path, out: Option<&Path>, mut options: Options, watcher: Watche
     options.scene = options.scene.with_object_by_number(folder)?.into_owned();
     shared_scale::check(&options)?;
     let scene = crate::scene::load_with_progress(folder, &options.scene, watcher.progress(None))?;
+    if let Some(count) = scene.unchosen {
+        return Err(SceneError::SeveralObjects { count }.into());
+    }
     let tools = Tools::load(&options)?;
     vote::check_materials(&options.vote.correct, &tools.library).map_err(VoteError::from)?;
     crate::simulate::script_of(&options.simulate)?;

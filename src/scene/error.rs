@@ -149,6 +149,11 @@ pub enum SceneError {
     NoSupport(&'static str),
     #[error("--object all is for `gprop run`; name one object here, as `gprop objects SCENE` numbers them")]
     AllObjects,
+    #[error(
+        "{count} objects stand on the surface that the cameras look at: --object N takes one of them, as `gprop objects SCENE` \
+         numbers them, --object-box XMIN,YMIN,ZMIN:XMAX,YMAX,ZMAX what lies in a box, and `gprop run SCENE` one after the other"
+    )]
+    SeveralObjects { count: usize },
     #[error("`{}`: {reason}; correct it there or export the cameras again", path.display())]
     Json { path: PathBuf, reason: json::Problem },
     #[error("`{}` has no frames, so there are no photos to segment; name other cameras with --cameras, or use --render-views N", path.display())]

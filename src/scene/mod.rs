@@ -101,6 +101,8 @@ pub struct Scene {
     pub scale: Option<MetricScale>,
     /// Every file that was read, apart from the photos and their masks.
     pub files: Vec<PathBuf>,
+    /// How many objects stand on the support, if there are several and none of them was chosen: then this is the densest cluster.
+    pub unchosen: Option<usize>,
     /// Messages about what was found and chosen.
     pub notes: Vec<String>,
     /// Messages about problems that are not fatal, with counts.
@@ -224,7 +226,12 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
     };
     let separated = object::separate(gaussians, &views, &means)?;
     found.notes.push(separated.note);
-    found.warnings.extend(separated.warning);
+    found.warnings.extend(separated.unchosen.map(|count| {
+        format!(
+            "{count} objects stand on the surface that the cameras look at, and this is the densest cluster of Gaussians; `gprop \
+             objects SCENE` shows them, --object N takes one"
+        )
+    }));
     let mut object = separated.object;
     if let Some(as_read) = &mut as_read {
         as_read.retain(&separated.kept);
@@ -272,6 +279,7 @@ pub fn load_with_progress(folder: &Path, options: &Options, progress: Progress) 
         conversion: found.conversion,
         registered: found.registered,
         files: found.files,
+        unchosen: separated.unchosen,
         notes: found.notes,
         warnings: found.warnings,
     })

@@ -83,6 +83,7 @@ pub(super) fn load(path: &Path, options: &Options) -> Result<Scene, SceneError> 
         as_read: None,
         scale,
         files,
+        unchosen: None,
         notes,
         warnings,
     })

@@ -110,8 +110,8 @@ pub struct Options {
     /// takes `all`
     ///
     /// Of what the model took it for, a word is enough that no other object has: `mug`. The results of object_2 go to
-    /// WORK/objects/object_2. With `auto`, the only one is taken; if there are several, `gprop run` takes all, and other commands
-    /// the densest cluster of Gaussians that the cameras look at
+    /// WORK/objects/object_2. With `auto`, the only one is taken; if there are several, `gprop run` and `report` take
+    /// all, and other commands want a number
     #[arg(long, value_name = "auto|all|N|NAME", default_value_t, overrides_with_all = ["object_at", "object_box"])]
     pub object: ObjectChoice,
 

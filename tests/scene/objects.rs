@@ -417,10 +417,13 @@ fn one_object_is_a_scene_of_its_own() {
     assert_message(load(&["--object", "object_3"]), &["--object object_3", "only 2 objects stand", "gprop objects"]);
     assert_message(load(&["--object", "all"]), &["--object all is for `gprop run`"]);
     assert!(matches!(load(&["--object", "1", "--render-views", "3"]), Err(SceneError::NoSupport(_))));
-    // Without a choice, the densest cluster is the object, and the user is told that there are others.
+    // Without a choice, the densest cluster is the object, and the user is told that there are others. Commands want a choice.
     let densest = load(&[]).unwrap();
     assert_eq!(densest.object_source, ObjectSource::Cluster);
     assert!(densest.warnings.iter().any(|warning| warning.starts_with("2 objects stand")), "{:?}", densest.warnings);
+    assert_eq!(densest.unchosen, Some(2));
+    let (code, _, error) = table.run(&["query", "--dry-run"]);
+    assert!(code == Some(2) && error.contains("2 objects stand") && error.contains("`gprop run SCENE`"), "{error}");
     let of_box = load(&["--object", "2", "--object-box=-9,-9,-9:9,9,9"]).unwrap();
     assert_eq!(of_box.object_source, ObjectSource::Box, "the last one counts");
 }

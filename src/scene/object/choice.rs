@@ -16,8 +16,8 @@ const MOST: u32 = 9999;
 /// `--object`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub enum ObjectChoice {
-    /// `gprop run` takes all objects if several stand on the support. Otherwise, the object is what the masks show, or else the
-    /// densest cluster.
+    /// `gprop run` takes all objects if several stand on the support, and other commands ask for one. Otherwise, the object is what the
+    /// masks show, the only one, or else the densest cluster.
     #[default]
     Auto,
     /// The object with this number.

@@ -43,8 +43,8 @@ pub(super) struct Separated {
     pub kept: Vec<bool>,
     pub source: ObjectSource,
     pub note: String,
-    /// That there are other objects, if the user did not choose.
-    pub warning: Option<String>,
+    /// How many objects there are, if the user chose none of several.
+    pub unchosen: Option<usize>,
 }
 
 /// What separates the object from the rest.
@@ -65,7 +65,7 @@ pub(super) fn separate(gaussians: Gaussians, views: &[View], means: &Means) -> R
         kept: vec![true; count],
         source: ObjectSource::Whole,
         note: format!("object: all Gaussians{note}"),
-        warning: None,
+        unchosen: None,
     };
     if let Some(given) = means.object_box {
         let kept = in_box(given, means.as_read.unwrap_or(&gaussians))?;
@@ -91,17 +91,12 @@ pub(super) fn separate(gaussians: Gaussians, views: &[View], means: &Means) -> R
         let how = "of the one thing that stands on the surface (--object-box overrides)";
         return Ok(split(gaussians, kept, ObjectSource::Standing, how));
     }
-    let warning = standing.filter(|standing| standing.count > 1).map(|Standing { count, .. }| {
-        format!(
-            "{count} objects stand on the surface that the cameras look at, and this is the densest cluster of Gaussians; `gprop \
-             objects SCENE` shows them, --object N takes one"
-        )
-    });
+    let unchosen = standing.map(|standing| standing.count).filter(|count| *count > 1);
     match cluster {
         Some(kept) => {
             let how = "in the densest cluster that the cameras look at, since the photos have neither alpha nor masks \
                        (--object-box overrides)";
-            Ok(Separated { warning, ..split(gaussians, kept, ObjectSource::Cluster, how) })
+            Ok(Separated { unchosen, ..split(gaussians, kept, ObjectSource::Cluster, how) })
         }
         None => Ok(whole(gaussians, "; the photos have neither alpha nor masks, and no cluster stands out")),
     }
@@ -182,5 +177,5 @@ fn split(gaussians: Gaussians, kept: Vec<bool>, source: ObjectSource, how: &str)
     let count = object.len();
     object.retain(&kept);
     let note = format!("object: {} of {count} Gaussians, those {how}", object.len());
-    Separated { object, surroundings, kept, source, note, warning: None }
+    Separated { object, surroundings, kept, source, note, unchosen: None }
 }
