@@ -54,7 +54,7 @@ impl Request<'_> {
     /// Prompts SAM and filters the resulting masks. Runs on the ambient rayon pool.
     pub fn run(&self, sam: &Sam) -> Result<Candidates, SegmentError> {
         let options = self.options;
-        let crops = prompts::crops(
+        let mut crops = prompts::crops(
             self.picture.width(),
             self.picture.height(),
             options.points_per_side,
@@ -62,6 +62,10 @@ impl Request<'_> {
             options.crop_overlap,
             options.crop_points_downscale,
         );
+        let is_dense = self.adaptive.as_ref().is_none_or(|adaptive| adaptive.is_dense);
+        for crop in crops.iter_mut().filter(|_| !is_dense) {
+            crop.points_per_side = prompts::worth_asking(crop.points_per_side, &crop.rect, options.min_region_area);
+        }
         Ok(Candidates { by_crop: parallel::try_map(&crops, |crop| self.run_crop(sam, crop))? })
     }
 

@@ -35,6 +35,16 @@ pub fn crops(width: u32, height: u32, points_per_side: u32, layers: u32, overlap
     crops
 }
 
+/// As many of `per_side` points along each side as are worth asking if masks of fewer than `min_area` pixels do not count: with more,
+/// the smallest that counts would hold more than [`ENOUGH`] points on the average.
+pub fn worth_asking(per_side: u32, rect: &Rect, min_area: u32) -> u32 {
+    let smallest = f64::from(rect.width()) * f64::from(rect.height()) / f64::from(min_area.max(1));
+    per_side.min((ENOUGH * smallest).sqrt().ceil() as u32).max(1)
+}
+
+/// Two along each side of a square.
+const ENOUGH: f64 = 4.0;
+
 /// The centres of `per_side` x `per_side` equal cells of a picture, row by row, in pixels from its corner.
 pub fn grid(width: u32, height: u32, per_side: u32) -> Vec<[f64; 2]> {
     let share = |index: u32| (f64::from(index) + 0.5) / f64::from(per_side);
@@ -52,6 +62,15 @@ mod tests {
     #[test]
     fn points_are_cell_centres_row_by_row() {
         assert_eq!(grid(8, 4, 2), [[2.0, 1.0], [6.0, 1.0], [2.0, 3.0], [6.0, 3.0]]);
+    }
+
+    #[test]
+    fn the_smallest_mask_that_counts_holds_four_points() {
+        // 15 x 10 squares of 300 pixels.
+        let rect = Rect::of_size(300, 150);
+        assert_eq!(worth_asking(32, &rect, 300), 25, "600 points, rounded up to a square");
+        assert_eq!(worth_asking(16, &rect, 300), 16);
+        assert_eq!((worth_asking(32, &rect, 0), worth_asking(32, &Rect::of_size(3, 1), 300)), (32, 1));
     }
 
     #[test]

@@ -16,7 +16,7 @@ use super::resize::cropped;
 use super::sam::Sam;
 use super::tree::tree;
 use super::{LabelMap, Level, ViewSegments};
-use crate::scene::Photo;
+use crate::scene::{ForegroundSource, Photo};
 use crate::setup::ModelFiles;
 
 /// Least value of [`Photo::foreground`] that counts as the object.
@@ -111,6 +111,7 @@ impl Segmenter {
                 foreground: &object,
                 whole_object: options.selection.whole_object,
                 level,
+                is_dense: photo.foreground_source != ForegroundSource::Gaussians,
             }),
             levels,
             options: &options.generator,
