@@ -21,6 +21,24 @@ pub struct Spread {
     order: [usize; 3],
 }
 
+/// Of the cells of a row that have this label: their number, the sum of their places, and that of the squares of these. The first is at
+/// `start`.
+fn sums(row: &[u32], label: u32, start: i64) -> [i64; 3] {
+    /// So short that no sum exceeds 32 bits, in which the compiler can vectorize the loop.
+    const PIECE: usize = 1024;
+    let mut sums = [0; 3];
+    for (from, piece) in (start..).step_by(PIECE).zip(row.chunks(PIECE)) {
+        let (mut n, mut x, mut xx) = (0_i32, 0_i32, 0_i32);
+        for (dx, of) in (0..).zip(piece) {
+            let own = i32::from(*of == label);
+            (n, x, xx) = (n + own, x + own * dx, xx + own * dx * dx);
+        }
+        let [n, x, xx] = [n, x, xx].map(i64::from);
+        sums = [sums[0] + n, sums[1] + x + from * n, sums[2] + xx + 2 * from * x + from * from * n];
+    }
+    sums
+}
+
 impl Spread {
     /// The cells of the part of cell `i` at most `reach` cells away from it.
     pub fn around(cells: &Labelled, i: usize, reach: usize) -> Self {
@@ -36,12 +54,8 @@ impl Spread {
                 let Some(left) = (reach * reach).checked_sub((dy * dy + dz * dz) as usize) else { continue };
                 let row = span(0, left.isqrt());
                 let first = grid.index([row.start, y, z]);
-                // Summed in integers, so that the compiler can vectorize the loop over a row.
-                let (mut n, mut sum_x, mut sum_xx) = (0, 0, 0);
-                for (dx, label) in (offset(0, row.start)..).zip(&cells.label[first..first + row.len()]) {
-                    let own = i64::from(*label == cells.label[i]);
-                    (n, sum_x, sum_xx) = (n + own, sum_x + own * dx, sum_xx + own * dx * dx);
-                }
+                let [n, sum_x, sum_xx] =
+                    sums(&cells.label[first..first + row.len()], cells.label[i], offset(0, row.start));
                 let [n, x, xx, y, z] = [n, sum_x, sum_xx, dy, dz].map(|integer: i64| integer as f64);
                 count += n;
                 sum += Vector3::new(x, n * y, n * z);
@@ -79,5 +93,21 @@ impl Spread {
     /// The cross-section of a wire: its cells over its length, which is that of the line with the same variance.
     pub fn section(&self) -> f64 {
         self.count / (12.0 * self.variance(2)).sqrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn sums_of_long_rows_are_exact() {
+        let row: Vec<u32> = (0..5000).map(|x| x * x % 7 % 3).collect();
+        for start in [-2500, 3] {
+            let own = || (start..).zip(&row).filter(|(_, label)| **label == 2).map(|(x, _)| x);
+            let expected = [own().count() as i64, own().sum(), own().map(|x| x * x).sum()];
+            assert_eq!(sums(&row, 2, start), expected);
+        }
+        assert_eq!(sums(&[], 2, 5), [0; 3]);
     }
 }
