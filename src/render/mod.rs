@@ -3,9 +3,10 @@
 //! In order: `project` turns Gaussians into 2D splats, `tiles` sorts them front to back and bins them,
 //! `blend` passes the weight of every splat on every pixel to a [`Sink`]: `color` sums colour, alpha and depth,
 //! `labels` finds the label that owns a pixel, [`contributions`](fn@contributions) the contribution of each Gaussian
-//! to the pixels of each label, [`depth_test`] the surface and the Gaussians on it; `foregrounds` finds
-//! the pixels that show an object. `sh` and [`sh_rotation`] evaluate and rotate spherical harmonics. [`triangles`] draws meshes. The same input gives the same bytes on any number of threads: every sum belongs to
-//! one tile, and a tile is always blended in the same order.
+//! to the pixels of each label, [`depth_test`] the surface and the Gaussians on it; `foregrounds` finds the pixels
+//! that show an object. `sh` and [`sh_rotation`] evaluate and rotate spherical harmonics. [`triangles`] draws meshes.
+//! The same input gives the same bytes on any number of threads: every sum belongs to one tile, and a tile is always
+//! blended in the same order.
 
 mod blend;
 mod color;

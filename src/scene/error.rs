@@ -151,7 +151,8 @@ pub enum SceneError {
     AllObjects,
     #[error(
         "{count} objects stand on the surface that the cameras look at: --object N takes one of them, as `gprop objects SCENE` \
-         numbers them, --object-box XMIN,YMIN,ZMIN:XMAX,YMAX,ZMAX what lies in a box, and `gprop run SCENE` one after the other"
+         numbers them, --object-box XMIN,YMIN,ZMIN:XMAX,YMAX,ZMAX what lies in a box; `gprop run SCENE` and `gprop export SCENE \
+         --object all` take all of them"
     )]
     SeveralObjects { count: usize },
     #[error("`{}`: {reason}; correct it there or export the cameras again", path.display())]
