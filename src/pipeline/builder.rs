@@ -7,9 +7,9 @@ use super::run::{CommandLine, Run};
 use super::stages::{OpenScene, Stage, Tools, shared_scale};
 use super::{Options, Pipeline, Plan, work_folder_of};
 use crate::error::{Error, Result};
-use crate::scene::SceneError;
+use crate::scene::{self, Scene, SceneError};
 use crate::vote::{self, VoteError};
-use crate::words::progress::{CancelToken, Event, ShowProgress, Watcher};
+use crate::words::progress::{CancelToken, Event, Progress, ShowProgress, Watcher};
 use crate::workdir::WorkDir;
 
 /// Settings for opening a [`Pipeline`]; from [`Pipeline::builder`].
@@ -91,10 +91,7 @@ fn load(folder: &Path, out: Option<&Path>, mut options: Options, watcher: Watche
     options.check()?;
     options.scene = options.scene.with_object_by_number(folder)?.into_owned();
     shared_scale::check(&options)?;
-    let scene = crate::scene::load_with_progress(folder, &options.scene, watcher.progress(None))?;
-    if let Some(count) = scene.unchosen {
-        return Err(SceneError::SeveralObjects { count }.into());
-    }
+    let scene = one_object(folder, &options.scene, watcher.progress(None))?;
     let tools = Tools::load(&options)?;
     vote::check_materials(&options.vote.correct, &tools.library).map_err(VoteError::from)?;
     crate::simulate::script_of(&options.simulate)?;
@@ -110,6 +107,15 @@ pub fn is_untouched(folder: &Path, out: Option<&Path>, options: &Options) -> Res
     if work_folder_of(folder, out, options.scene.object)?.exists() {
         return Ok(false);
     }
-    crate::scene::load(folder, &options.scene)?;
+    one_object(folder, &options.scene, Progress::HIDDEN)?;
     Ok(true)
+}
+
+/// The scene in `folder`, if it is clear which object it is about.
+fn one_object(folder: &Path, options: &scene::Options, progress: Progress) -> Result<Scene, SceneError> {
+    let scene = scene::load_with_progress(folder, options, progress)?;
+    match scene.unchosen {
+        Some(count) => Err(SceneError::SeveralObjects { count }),
+        None => Ok(scene),
+    }
 }
