@@ -202,11 +202,14 @@ impl QuerySession<'_> {
         self.named(parts.filter_map(answered).collect())
     }
 
-    /// The first region of a part in the view that shows it best; `None` if no view shows it.
+    /// The first region of a part, which stands for all of them, in the view that shows it best, or else the next of them that a view
+    /// shows; `None` if no view shows any.
     fn best_place(&self, part: &RecognizedPart) -> Option<SubjectInView> {
         let id = *part.numbers.first()?;
-        let view = *self.regions_asked().filter(|region| region.id == id).find_map(|region| region.views.first())?;
-        Some(SubjectInView { view, id })
+        let best_view = |number: &u16| {
+            self.regions_asked().filter(|region| region.id == *number).find_map(|region| region.views.first())
+        };
+        Some(SubjectInView { view: *part.numbers.iter().find_map(best_view)?, id })
     }
 
     /// How heavy the object is, as a model judges it from the photos alone; `None` if that is not to be asked.
