@@ -135,14 +135,17 @@ fn view_indices(open: &OpenScene) -> BTreeMap<&str, usize> {
 }
 
 impl FoundParts {
-    /// The parts and pieces that have answers, weighed by how many of their pixels each view shows.
+    /// The parts and pieces that have answers, weighed by how many of their pixels each view shows. The answer about a recognised part
+    /// stands under its first region, which its view may not show.
     pub fn answered<'a>(&self, answers: &'a Answers) -> Vec<AnsweredPart<'a>> {
         let pixels = |id: u16, view: &str| {
             let found = self.parts.iter().find(|found| found.part.id == id)?;
             Some(found.views.iter().find(|shown| shown.view == view)?.pixels)
         };
         let weighed = |answer: &'a SubjectAnswer| match (answer.subject, &answer.outcome) {
-            (SubjectId::Part(id), Outcome::Answered(said)) => Some((id, said, f64::from(pixels(id, &answer.view)?))),
+            (SubjectId::Part(id), Outcome::Answered(said)) => {
+                Some((id, said, f64::from(pixels(id, &answer.view).unwrap_or(1))))
+            }
             _ => None,
         };
         AnsweredPart::collect(answers.all.iter().filter_map(weighed))
