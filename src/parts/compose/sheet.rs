@@ -8,7 +8,7 @@
 //! the cell: in a layer one or two cells thick, such lengths are mostly noise from the grid, and any roughness would
 //! count as area.
 
-use super::spread::Spread;
+use super::spread::Rows;
 use crate::parallel;
 use crate::parts::assign::Labelled;
 use crate::parts::grid::surface::NONE;
@@ -20,10 +20,11 @@ const AROUND_CELLS: f64 = 2.0;
 /// For each cell that belongs to a sheet, the carved thickness of the sheet around it, scene units; 0 for the others.
 /// `ray` gives the length of a ray through the sheet near a cell; `None` if there is none.
 pub fn thickness(cells: &Labelled, ray: impl Fn(usize) -> Option<f64> + Sync) -> Vec<f32> {
+    let rows = Rows::of(cells);
     let of_cell = |i: usize| {
         let Some(ray) = (cells.label[i] != NONE).then(|| ray(i)).flatten() else { return 0.0 };
         let reach = (ray / cells.grid.cell + AROUND_CELLS).ceil() as usize;
-        (Spread::around(cells, i, reach).thickness() * cells.grid.cell) as f32
+        (rows.around(i, reach).thickness() * cells.grid.cell) as f32
     };
     parallel::map_range(cells.label.len(), of_cell)
 }

@@ -7,6 +7,7 @@ use std::f64::consts::PI;
 use nalgebra::{Matrix3, SymmetricEigen, U3, Vector3};
 
 use crate::parts::assign::Labelled;
+use crate::parts::grid::surface::NONE;
 
 /// Variance of a cell's own extent along any direction, cells squared.
 const OWN: f64 = 1.0 / 12.0;
@@ -21,29 +22,60 @@ pub struct Spread {
     order: [usize; 3],
 }
 
-/// Of the cells of a row that have this label: their number, the sum of their places, and that of the squares of these. The first is at
-/// `start`.
-fn sums(row: &[u32], label: u32, start: i64) -> [i64; 3] {
-    /// So short that no sum exceeds 32 bits, in which the compiler can vectorize the loop.
-    const PIECE: usize = 1024;
-    let mut sums = [0; 3];
-    for (from, piece) in (start..).step_by(PIECE).zip(row.chunks(PIECE)) {
-        let (mut n, mut x, mut xx) = (0_i32, 0_i32, 0_i32);
-        for (dx, of) in (0..).zip(piece) {
-            let own = i32::from(*of == label);
-            (n, x, xx) = (n + own, x + own * dx, xx + own * dx * dx);
-        }
-        let [n, x, xx] = [n, x, xx].map(i64::from);
-        sums = [sums[0] + n, sums[1] + x + from * n, sums[2] + xx + 2 * from * x + from * from * n];
-    }
-    sums
+/// The cells of the parts, row by row along the grid's first axis, as stretches of one label: a row of a wall has two or three.
+pub struct Rows<'a> {
+    pub cells: &'a Labelled,
+    stretches: Vec<Stretch>,
+    /// By row, the index of its first stretch; at the end, the number of all.
+    first: Vec<usize>,
 }
 
-impl Spread {
+/// Cells from `start` to before `end` of a row.
+struct Stretch {
+    start: i64,
+    end: i64,
+    label: u32,
+}
+
+impl<'a> Rows<'a> {
+    pub fn of(cells: &'a Labelled) -> Self {
+        let (mut stretches, mut first) = (Vec::new(), vec![0]);
+        for row in cells.label.chunks(cells.grid.dims[0]) {
+            let mut start = 0;
+            for same in row.chunk_by(|a, b| a == b) {
+                let end = start + same.len() as i64;
+                if same[0] != NONE {
+                    stretches.push(Stretch { start, end, label: same[0] });
+                }
+                start = end;
+            }
+            first.push(stretches.len());
+        }
+        Self { cells, stretches, first }
+    }
+
+    /// Of the cells of a row from `start` to before `end` that have this label: their number, the sum of their places, and that of the
+    /// squares of these, which are counted from `origin`.
+    fn sums(&self, row: usize, [start, end]: [i64; 2], origin: i64, label: u32) -> [i64; 3] {
+        // The squares of the places below this one, from 0 on.
+        let squares_below = |place: i64| (place - 1) * place * (2 * place - 1) / 6;
+        let mut sums = [0; 3];
+        for of in &self.stretches[self.first[row]..self.first[row + 1]] {
+            let (from, to) = (of.start.max(start) - origin, of.end.min(end) - origin);
+            if of.label == label && from < to {
+                let n = to - from;
+                sums[0] += n;
+                sums[1] += n * (from + to - 1) / 2;
+                sums[2] += squares_below(to) - squares_below(from);
+            }
+        }
+        sums
+    }
+
     /// The cells of the part of cell `i` at most `reach` cells away from it.
-    pub fn around(cells: &Labelled, i: usize, reach: usize) -> Self {
-        let grid = &cells.grid;
-        let at = grid.coords(i);
+    pub fn around(&self, i: usize, reach: usize) -> Spread {
+        let grid = &self.cells.grid;
+        let (at, label) = (grid.coords(i), self.cells.label[i]);
         let span =
             |axis: usize, reach: usize| at[axis].saturating_sub(reach)..(at[axis] + reach + 1).min(grid.dims[axis]);
         let offset = |axis: usize, place: usize| place as i64 - at[axis] as i64;
@@ -53,10 +85,9 @@ impl Spread {
                 let (dy, dz) = (offset(1, y), offset(2, z));
                 let Some(left) = (reach * reach).checked_sub((dy * dy + dz * dz) as usize) else { continue };
                 let row = span(0, left.isqrt());
-                let first = grid.index([row.start, y, z]);
-                let [n, sum_x, sum_xx] =
-                    sums(&cells.label[first..first + row.len()], cells.label[i], offset(0, row.start));
-                let [n, x, xx, y, z] = [n, sum_x, sum_xx, dy, dz].map(|integer: i64| integer as f64);
+                let row = [row.start as i64, row.end as i64];
+                let sums = self.sums(y + grid.dims[1] * z, row, at[0] as i64, label);
+                let [n, x, xx, y, z] = [sums[0], sums[1], sums[2], dy, dz].map(|integer: i64| integer as f64);
                 count += n;
                 sum += Vector3::new(x, n * y, n * z);
                 squares += Matrix3::new(xx, x * y, x * z, x * y, n * y * y, n * y * z, x * z, n * y * z, n * z * z);
@@ -66,9 +97,11 @@ impl Spread {
         let principal = (squares / count - mean * mean.transpose()).symmetric_eigen();
         let mut order = [0, 1, 2];
         order.sort_by(|&a, &b| principal.eigenvalues[a].total_cmp(&principal.eigenvalues[b]));
-        Self { count, offset: mean, principal, order }
+        Spread { count, offset: mean, principal, order }
     }
+}
 
+impl Spread {
     /// The direction in which they spread most.
     pub fn axis(&self) -> Vector3<f64> {
         self.direction(2)
@@ -98,16 +131,26 @@ impl Spread {
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Point3;
+
     use super::*;
+    use crate::parts::grid::Grid;
+    use crate::parts::grid::surface::Surface;
 
     #[test]
-    fn sums_of_long_rows_are_exact() {
-        let row: Vec<u32> = (0..5000).map(|x| x * x % 7 % 3).collect();
-        for start in [-2500, 3] {
-            let own = || (start..).zip(&row).filter(|(_, label)| **label == 2).map(|(x, _)| x);
+    fn sums_of_a_row_are_those_of_its_cells() {
+        let dims = [50, 2, 1];
+        let grid = Grid { origin: Point3::origin(), cell: 1.0, dims };
+        let label: Vec<u32> = (0..100).map(|x| [NONE, 1, 1, 2, 1][x * x % 7 % 5]).collect();
+        let surface =
+            Surface { cells: vec![], points: vec![], normals: vec![], areas: vec![], depth: vec![], nearest: vec![] };
+        let cells = Labelled { grid, surface, label, seen: vec![] };
+        let rows = Rows::of(&cells);
+        for (row, of, [start, end]) in [(0, 1, [0, 50]), (1, 1, [3, 31]), (1, 2, [10, 50]), (0, 2, [7, 7])] {
+            let origin = 20;
+            let own = || (start..end).filter(|x| cells.label[50 * row + *x as usize] == of).map(|x| x - origin);
             let expected = [own().count() as i64, own().sum(), own().map(|x| x * x).sum()];
-            assert_eq!(sums(&row, 2, start), expected);
+            assert_eq!(rows.sums(row, [start, end], origin, of), expected);
         }
-        assert_eq!(sums(&[], 2, 5), [0; 3]);
     }
 }

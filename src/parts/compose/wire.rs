@@ -13,7 +13,7 @@ use std::f64::consts::{FRAC_PI_4, SQRT_2};
 use nalgebra::{Matrix2, Matrix3, Vector2, Vector3};
 
 use super::SHEET_SLACK;
-use super::spread::Spread;
+use super::spread::{Rows, Spread};
 use super::thickness::Chord;
 use crate::numeric::{NORMAL_90, upper_median};
 use crate::parallel;
@@ -97,9 +97,10 @@ pub fn wires(
     });
     parallel::sort_unstable_by(&mut thin, Ord::cmp);
     let blocks: Vec<_> = thin.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)).collect();
+    let rows = Rows::of(cells);
     let measured: Vec<Option<Wire>> = parallel::map(&blocks, |block| {
         let block: Vec<usize> = block.iter().map(|(_, _, i)| *i).collect();
-        at_cell(cells, central(cells, &block), silhouettes, uncertainty)
+        at_cell(&rows, central(cells, &block), silhouettes, uncertainty)
     });
     for (block, wire) in blocks.iter().zip(measured) {
         block.iter().for_each(|(_, _, i)| wires[*i] = wire.unwrap_or_default());
@@ -115,11 +116,12 @@ fn central(cells: &Labelled, of: &[usize]) -> usize {
     of.iter().copied().min_by(|&a, &b| distance(a).total_cmp(&distance(b))).expect("a block has a cell")
 }
 
-fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, uncertainty: f64) -> Option<Wire> {
-    let (cell, soft) = (cells.grid.cell, SHEET_SLACK * uncertainty);
+fn at_cell(rows: &Rows, i: usize, silhouettes: &Silhouettes, uncertainty: f64) -> Option<Wire> {
+    let grid = &rows.cells.grid;
+    let (cell, soft) = (grid.cell, SHEET_SLACK * uncertainty);
     let reach = (soft / cell + AROUND_CELLS).ceil() as usize;
-    let center = cells.grid.center(cells.grid.coords(i));
-    let spread = Spread::around(cells, i, reach);
+    let center = grid.center(grid.coords(i));
+    let spread = rows.around(i, reach);
     if spread.variance(1) <= ELONGATED * spread.variance(2) {
         let widths = silhouettes.widths(center, spread.axis(), soft);
         if let Some(wire) = measured(&spread, widths, cell, uncertainty) {
@@ -127,7 +129,7 @@ fn at_cell(cells: &Labelled, i: usize, silhouettes: &Silhouettes, uncertainty: f
         }
     }
     let thickness = spread.thickness() * cell;
-    let spread = Spread::around(cells, i, BROADER * reach);
+    let spread = rows.around(i, BROADER * reach);
     let is_wire = spread.variance(1) <= ELONGATED * spread.variance(2);
     let is_strip = thickness <= soft
         && spread.variance(1) <= DIRECTED * spread.variance(2)
