@@ -136,6 +136,9 @@ pub struct ObjectBelief {
     pub parts: Vec<BelievedPart>,
     /// The mass that shape and materials give by themselves.
     pub shape_kg: Estimate,
+    /// The mass that the model guesses from the photos alone, if it was asked and the guess counts.
+    #[serde(default)]
+    pub guess_kg: Option<Estimate>,
     /// What is printed on it about its contents, word for word, if it was taken into account.
     pub printed: Option<String>,
     /// What no part shows, with its probability before all evidence and after.

@@ -22,7 +22,7 @@ pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};
 pub use answer::recognition::{Choice, Hypothesis, Printed, Recognition, RecognizedPart, Unnumbered};
 pub use ask::direct::DirectGuess;
-pub use ask::evidence::{Alternative, ObjectAnswers, PartQuestion};
+pub use ask::evidence::{Alternative, GuessQuestion, ObjectAnswers, PartQuestion};
 pub use ask::follow_up::{Region, Why};
 pub use ask::queries::{Queries, ViewSubjects};
 pub use ask::recognition::{Bare, Side};

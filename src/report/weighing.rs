@@ -65,7 +65,9 @@ fn beliefs(belief: &ObjectBelief) -> Vec<String> {
     });
     let taken = (!taken.is_empty()).then(|| format!("The object is taken for {}.", taken.join(", or ")));
     let shape = format!("Shape and materials alone would give {} kg.", interval(belief.shape_kg, 1.0));
-    taken.into_iter().chain([shape]).chain(printed).chain(unshown).collect()
+    let guess =
+        belief.guess_kg.map(|kg| format!("From the photos alone, the model would guess {} kg.", interval(kg, 1.0)));
+    taken.into_iter().chain([shape]).chain(guess).chain(printed).chain(unshown).collect()
 }
 
 /// The causes of the width of the object's mass, the widest first.

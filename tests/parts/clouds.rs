@@ -136,6 +136,7 @@ pub fn possible(mass_kg: Range, of_label: Vec<Vec<(FieldPart, f64)>>) -> Possibi
     Possibilities {
         hypotheses: vec![Hypothesis { what: "a thing".to_owned(), probability: 1.0, mass_kg }],
         stated_mass_counts: true,
+        guess_kg: None,
         asked: vec![None; of_label.len()],
         of_label: of_label.into_iter().map(|choices| choices.into_iter().map(choice).collect()).collect(),
         printed: None,

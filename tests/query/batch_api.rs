@@ -151,6 +151,21 @@ impl Place {
         subjects: Vec<Subject>,
         ask_views: usize,
     ) -> QuerySession<'a> {
+        self.session(options, subjects, ask_views, WholeViews::default())
+    }
+
+    /// A session about the object in the first view, whose parts these are.
+    pub fn session_about_object<'a>(&'a self, options: &'a Options, parts: Vec<Subject>) -> QuerySession<'a> {
+        self.session(options, parts, 1, WholeViews { recognition: vec![0], ..WholeViews::default() })
+    }
+
+    fn session<'a>(
+        &'a self,
+        options: &'a Options,
+        subjects: Vec<Subject>,
+        ask_views: usize,
+        whole: WholeViews,
+    ) -> QuerySession<'a> {
         let view = |view: &'a View| QueryView {
             name: view.name,
             photo: view.photo.clone(),
@@ -158,14 +173,8 @@ impl Place {
         };
         let views = self.views.iter().map(view).collect();
         let (home, hidden) = (self.home.path(), Progress::HIDDEN);
-        let subjects = Subjects {
-            views,
-            subjects,
-            ask_views,
-            about: AskAbout::Segments,
-            whole: WholeViews::default(),
-            regions: Vec::new(),
-        };
+        let about = if whole.recognition.is_empty() { AskAbout::Segments } else { AskAbout::Parts };
+        let subjects = Subjects { views, subjects, ask_views, about, whole, regions: Vec::new() };
         let folders = Folders { home, work: &self.work };
         QuerySession::new(options, subjects, MaterialLibrary::builtin(), folders, Ok(()), hidden).unwrap()
     }

@@ -6,9 +6,12 @@ use std::process::Output;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, OnceLock};
 
+use gprop::query::ask::rounds::Subject;
+use gprop::query::{Options, Outcome, SubjectAnswer, SubjectId};
 use gprop::segment::LabelMap;
 use serde_json::{Value, json};
 
+use super::batch_api::{BatchApiServer, Place};
 use super::{a, good_answer_about_part, good_answer_with};
 use crate::batch::ball::Balls;
 use crate::run::gprop;
@@ -112,9 +115,12 @@ fn one_question_gives_a_belief_that_everything_after_it_follows() {
     let Asked { balls, count } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
     let first = ask(&balls, &[]);
     assert!(first.status.success(), "{}", said(&first));
-    assert_eq!(count.load(Ordering::SeqCst), 1);
-    assert!(balls.scene(0).join("gprop/sheets/object.jpg").is_file());
+    assert_eq!(count.load(Ordering::SeqCst), 2, "what it is, and how heavy it is at a guess");
+    for sheet in ["object.jpg", "direct.jpg"] {
+        assert!(balls.scene(0).join("gprop/sheets").join(sheet).is_file(), "{sheet}");
+    }
     let found = parts(&balls);
+    assert_eq!(found["belief"]["guess_kg"], json!({ "low": 2.0, "mid": 2.5, "high": 4.0 }));
     let hypotheses = &found["belief"]["hypotheses"];
     let [wood, plastic] = [0, 1].map(|n| hypotheses[n]["probability"].as_f64().unwrap());
     assert!(
@@ -243,7 +249,7 @@ fn a_correction_counts_for_more_than_any_answer_and_is_taken_back() {
     fs::write(&options, without).unwrap();
     assert!(run(&balls, &["--to", "parts", "--fresh"]).status.success());
     assert_eq!(file(&balls, "parts.json"), answered);
-    assert_eq!(count.load(Ordering::SeqCst), 1);
+    assert_eq!(count.load(Ordering::SeqCst), 2);
 }
 
 #[test]
@@ -279,7 +285,7 @@ fn a_part_that_decides_the_mass_is_asked_about_by_itself() {
     assert!(ask(&balls, &["--to", "parts"]).status.success());
     let wood = |found: &Value| found["belief"]["parts"][0]["choices"][0]["probability"].as_f64().unwrap();
     let before = parts(&balls);
-    assert_eq!((count.load(Ordering::SeqCst), &before["belief"]["parts"][0]["asked"]), (1, &Value::Null));
+    assert_eq!((count.load(Ordering::SeqCst), &before["belief"]["parts"][0]["asked"]), (2, &Value::Null));
 
     // Nobody can be asked: what is known serves, and a note says what would be asked.
     let alone = run_with_follow_ups(&balls, &["--to", "parts"]);
@@ -297,7 +303,7 @@ fn a_part_that_decides_the_mass_is_asked_about_by_itself() {
     let server = server.each_ref().map(String::as_str);
     let asked = run_with_follow_ups(&balls, &server);
     assert!(asked.status.success(), "{}", said(&asked));
-    assert_eq!(count.load(Ordering::SeqCst), 2);
+    assert_eq!(count.load(Ordering::SeqCst), 3);
     let found = parts(&balls);
     let question = &found["belief"]["parts"][0]["asked"];
     assert_eq!((&question["why"]["reason"], &question["material"]), (&json!("mass"), &json!(a("wood"))), "{question}");
@@ -319,7 +325,7 @@ fn a_part_that_decides_the_mass_is_asked_about_by_itself() {
     for name in ["parts.json", "object.json", "answers.jsonl"] {
         assert_eq!(fs::read_to_string(again.join(name)).unwrap(), file(&balls, name), "{name}");
     }
-    assert_eq!(count.load(Ordering::SeqCst), 2);
+    assert_eq!(count.load(Ordering::SeqCst), 3);
 }
 
 #[test]
@@ -347,8 +353,23 @@ fn answers_about_parts_serve_where_nobody_can_be_asked() {
     assert_eq!(count.load(Ordering::SeqCst), asked);
     // With somebody to ask, the object is asked about.
     assert!(ask(&balls, &[]).status.success());
-    assert_eq!(count.load(Ordering::SeqCst), asked + 1);
+    assert_eq!(count.load(Ordering::SeqCst), asked + 2, "what it is, and how heavy it is at a guess");
     assert!(!parts(&balls)["belief"].is_null());
+}
+
+/// Of region 1 a view shows a few pixels, too few to ask about it there.
+#[test]
+fn a_part_whose_first_region_no_view_shows_well_keeps_its_answer() {
+    let server = BatchApiServer::new(&wood_or_plastic([200.0, 600.0], &[1, 2]));
+    let place = Place::new();
+    let part = |id: u16, views: &[usize]| Subject { id, views: views.to_vec(), pieces: Vec::new() };
+    let options = Options { max_questions: 0, ..server.options() };
+    let session = place.session_about_object(&options, vec![part(1, &[]), part(2, &[1, 0])]);
+    let answers = session.answer_all(&|_| Ok(())).unwrap().answers;
+    let [SubjectAnswer { view, subject, outcome: Outcome::Answered(answer) }] = &answers.all[..] else {
+        panic!("{answers:?}")
+    };
+    assert_eq!((view.as_str(), *subject, answer.material.as_str()), ("001", SubjectId::Part(1), "beech, european"));
 }
 
 #[test]
@@ -360,10 +381,17 @@ fn without_an_answer_the_run_says_how_to_get_one() {
 }
 
 #[test]
-fn a_direct_guess_is_recorded_and_scored_beside_gprop() {
-    let Asked { balls, .. } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
+fn a_direct_guess_is_recorded_counts_and_is_scored_beside_gprop() {
+    let Asked { balls, count } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
+    // Only the object's own question is recorded, so the mass does without the guess.
+    let folder = balls.folder().join("questions");
+    let query = |more: &[&str]| gprop().arg("query").arg(balls.scene(0)).args(more).output().unwrap();
+    let path = folder.to_str().unwrap();
+    let exported = query(&["--ask", "object", "--export", path]);
+    assert!(said(&exported).contains("2 questions"), "{}", said(&exported));
     let output = ask(&balls, &["--to", "parts"]);
     assert!(output.status.success(), "{}", said(&output));
+    let with = parts(&balls);
     let weights = balls.folder().join("weights.csv");
     fs::write(&weights, "name,mass_kg\nball-0,3.0\n").unwrap();
     let evaluate = || {
@@ -374,16 +402,29 @@ fn a_direct_guess_is_recorded_and_scored_beside_gprop() {
             .arg(balls.scene(0));
         command.output().unwrap()
     };
-    let missing = evaluate();
-    assert_eq!(missing.status.code(), Some(5), "{}", said(&missing));
-    let asked = gprop().arg("query").arg(balls.scene(0)).arg("--direct").args(balls.answers()).output().unwrap();
-    assert!(asked.status.success() && said(&asked).contains("direct guess: 2.5 kg"), "{}", said(&asked));
-    let found = evaluate();
+    // The run has recorded the guess, so nobody is asked again.
+    let (found, asked) = (evaluate(), count.load(Ordering::SeqCst));
     assert!(found.status.success(), "{}", said(&found));
     let found: Value = serde_json::from_slice(&found.stdout).unwrap();
     let error = found["direct"]["alde"].as_f64().unwrap();
     assert!((error - (3.0_f64 / 2.5).ln()).abs() < 1e-9, "{found}");
     assert!(found["alde"].as_f64().is_some() && found["direct"]["coverage"] == 1.0, "{found}");
+    let guessed = query(&["--direct"]);
+    assert!(guessed.status.success() && said(&guessed).contains("direct guess: 2.5 kg"), "{}", said(&guessed));
+    assert_eq!(count.load(Ordering::SeqCst), asked);
+
+    // Without its recording the mass does without it, and says so.
+    let recorded = fs::read_dir(balls.scene(0).join("recorded")).unwrap().map(|entry| entry.unwrap().path());
+    let guess = recorded.into_iter().find(|path| fs::read_to_string(path).unwrap().contains("its grain")).unwrap();
+    fs::remove_file(guess).unwrap();
+    assert_eq!(evaluate().status.code(), Some(5));
+    let without = run(&balls, &["--to", "parts", "--answers", "replay"]);
+    assert!(without.status.success(), "{}", said(&without));
+    assert!(file(&balls, "run.json").contains("how heavy the object is at a guess has no recorded answer"));
+    let without = parts(&balls);
+    assert!(without["belief"]["guess_kg"].is_null());
+    let real = |of: &Value| of["belief"]["hypotheses"][0]["probability"].as_f64().unwrap();
+    assert!(real(&with) > real(&without) + 0.1, "the guess is heavy: {} {}", real(&with), real(&without));
 }
 
 #[test]

@@ -10,7 +10,8 @@
 //!
 //! (a product of experts; [`joint`] says why there is a power). The overlap is the integral of that if their middles were the same: so a state
 //! under which the object would be much too heavy for what it is loses, but none loses because the mass of such a thing is little
-//! known. The sum over states is computed on a grid. `docs/parts.md` has the model in words.
+//! known. If the model also guessed the mass from the photos alone, the sum over states and that guess are [pooled](Curve::pooled_with).
+//! The sum is computed on a grid. `docs/parts.md` has the model in words.
 
 mod corrected;
 pub mod spread;
@@ -20,10 +21,10 @@ use super::mass::unknowns::{Belief, OVERCONFIDENCE, PRINTED_ERROR, Quantity, Unk
 use super::mass::weights::{PrintedContents, Weighing, unseen};
 use super::result::{AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
 use crate::materials::MaterialLibrary;
-use crate::query::{Alternative, Hypothesis, ObjectAnswers, Printed, RecognizedPart, Unnumbered};
+use crate::query::{Alternative, GuessQuestion, Hypothesis, ObjectAnswers, Printed, RecognizedPart, Unnumbered};
 use crate::units::{Estimate, Range};
 use crate::vote::{Contents, FieldPart, Filled, MaterialField};
-use spread::{Curve, Spread, joint, mean_density};
+use spread::{Curve, Spread, mean_density};
 use states::State;
 
 /// What the object and its parts may be, beside what the field says of them.
@@ -31,9 +32,11 @@ use states::State;
 pub struct Possibilities {
     /// What the whole may be; at least one.
     pub hypotheses: Vec<Hypothesis>,
-    /// False if the user corrected a part to what the model holds possible under none of them: then their masses are those of another
-    /// thing.
+    /// False if the user corrected a part to what the model holds possible under none of them: then their masses, and the guess, are those
+    /// of another thing.
     pub stated_mass_counts: bool,
+    /// What the model says of the mass from the photos alone.
+    pub guess_kg: Option<Estimate>,
     /// By label of the field; those of which nothing more is known have no choices.
     pub of_label: Vec<Vec<Possible>>,
     /// By label, the question about the part by itself, if there was one.
@@ -120,10 +123,12 @@ impl Possibilities {
             corrected::corrected(choices, &of.to, part, library)
         };
         let of_label = field.parts.iter().map(&mut of_label).collect();
+        let guess = answered.guess.as_ref().and_then(GuessQuestion::answer).filter(|_| stated_mass_counts);
         let asked = |part: &FieldPart| answered.question_about(recognized_as(part)?).map(AskedPart::of);
         Self {
             hypotheses: recognition.hypotheses.clone(),
             stated_mass_counts,
+            guess_kg: guess.map(|guess| guess.mass_kg),
             of_label,
             asked: field.parts.iter().map(asked).collect(),
             printed: recognition.printed.clone().filter(|_| !are_contents_corrected),
@@ -230,22 +235,30 @@ pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns)
     let read = evidence.weighing.map(|weighing| read(weighing, &states, unknowns));
     let weighing = evidence.weighing.filter(|_| read.is_some_and(|read| read.is_possible));
     let shapes: Vec<Spread> = states.iter().map(|of| Spread::of(of.shape)).collect();
-    let empty = Curve::over(shapes.iter().chain(&stated));
-    let (mut whole, mut by_shape) = (empty.clone(), empty.clone());
-    let mut by_hypothesis = vec![(empty.clone(), 0.0); stated.len()];
-    let mut given_state = Vec::with_capacity(states.len());
+    let guess = possible.guess_kg.map(Spread::of);
+    let empty = Curve::over(shapes.iter().chain(&stated).chain(&guess));
+    let (mut unpooled, mut by_shape) = (empty.clone(), empty.clone());
+    let mut products = Vec::with_capacity(states.len());
     for (of, shape) in states.iter().zip(&shapes) {
-        let State { hypothesis, probability, .. } = of.state;
-        let stated = possible.stated_mass_counts.then_some(&stated[hypothesis]);
-        let (product, together) = empty.product(shape, stated);
+        let stated = possible.stated_mass_counts.then_some(&stated[of.state.hypothesis]);
+        let (product, _) = empty.product(shape, stated);
         let (_, overlap) = empty.product(shape, stated.map(|stated| stated.moved_to(shape)).as_ref());
-        let density = |ln_kg: f64| joint(shape.density(ln_kg), stated.map(|stated| stated.density(ln_kg)));
-        let at_reading = weighing.map(|of| mean_density(density, of.kg.ln(), of.relative_error()));
-        let weight = probability * at_reading.unwrap_or(together) / overlap;
-        whole.add(&product, probability / overlap);
-        by_shape.add(&empty.product(shape, None).0, probability);
-        let (curve, sum) = &mut by_hypothesis[hypothesis];
-        curve.add(&product, probability / overlap);
+        let prior = of.state.probability / overlap;
+        unpooled.add(&product, prior);
+        by_shape.add(&empty.product(shape, None).0, of.state.probability);
+        products.push((product, prior));
+    }
+    let factor = guess.map(|guess| unpooled.pooled_with(&guess));
+    let mut whole = empty.clone();
+    let mut by_hypothesis = vec![(empty, 0.0); stated.len()];
+    let mut given_state = Vec::with_capacity(states.len());
+    for (of, (mut product, prior)) in states.iter().zip(products) {
+        factor.iter().for_each(|factor| product.multiply(factor));
+        let at_reading = weighing.map(|of| mean_density(|ln_kg| product.at(ln_kg), of.kg.ln(), of.relative_error()));
+        let weight = prior * at_reading.unwrap_or_else(|| product.integral());
+        whole.add(&product, prior);
+        let (curve, sum) = &mut by_hypothesis[of.state.hypothesis];
+        curve.add(&product, prior);
         *sum += weight;
         given_state.push((product.percentiles(), weight));
     }
@@ -269,6 +282,7 @@ pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns)
             hypotheses: hypotheses(possible, &by_hypothesis, &of_hypothesis),
             parts: parts(evidence, unknowns, &states, &posterior, &taken),
             shape_kg: by_shape.percentiles(),
+            guess_kg: possible.guess_kg,
             printed: printed_text(possible, &states),
             unnumbered,
         },
@@ -542,6 +556,7 @@ mod tests {
         };
         let possible = Possibilities {
             stated_mass_counts: true,
+            guess_kg: None,
             hypotheses: vec![hypothesis("a real one", 0.7, 0.5, 1.2), hypothesis("an imitation", 0.3, 0.05, 0.2)],
             of_label: vec![
                 vec![possible(1, "stainless steel 304", [0.8, 0.1]), possible(1, "abs", [0.2, 0.9])],
@@ -582,47 +597,79 @@ mod tests {
     #[test]
     fn a_belief_is_what_summing_over_everything_gives() {
         let (possible, built, labels, mut unknowns) = two_parts();
-        let believed = weighed(&possible, &built, &labels, &mut unknowns, None);
-        // Every combination, on a grid of its own.
-        let (mut all, mut real, mut steel) = (0.0, 0.0, 0.0);
-        let mut of_mass: Vec<(f64, f64)> = Vec::new();
-        for (h, hypothesis) in possible.hypotheses.iter().enumerate() {
-            for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                let prior =
-                    hypothesis.probability * possible.of_label[0][a].under[h] * possible.of_label[1][b].under[h];
-                let masses = [&built[0][a], &built[1][b]].map(|masses| masses[0].clone().unwrap());
-                let shape = Spread::of(Belief::prior(&unknowns).of_sum(&masses));
-                let stated = Spread::of_range(hypothesis.mass_kg);
-                let moved = stated.moved_to(&shape);
-                let places = || (0..20_000).map(|n| -6.0 + 8.0 * f64::from(n) / 20_000.0);
-                let both = |ln_kg: f64, stated: &Spread| (shape.density(ln_kg) * stated.density(ln_kg)).powf(0.7);
-                let overlap: f64 = places().map(|ln_kg| both(ln_kg, &moved)).sum();
-                for ln_kg in places() {
-                    let density = prior * both(ln_kg, &stated) / overlap;
-                    all += density;
-                    real += if h == 0 { density } else { 0.0 };
-                    steel += if a == 0 { density } else { 0.0 };
-                    of_mass.push((ln_kg, density));
+        for guess_kg in [None, Some(Estimate::new(0.1, 0.14, 0.3))] {
+            let possible = Possibilities { guess_kg, ..possible.clone() };
+            let believed = weighed(&possible, &built, &labels, &mut unknowns, None);
+            // Every combination, on a grid of its own.
+            let places: Vec<f64> = (0..20_000).map(|n| -6.0 + 8.0 * f64::from(n) / 20_000.0).collect();
+            let mut of_state: Vec<([usize; 2], Vec<f64>)> = Vec::new();
+            for (h, hypothesis) in possible.hypotheses.iter().enumerate() {
+                for (a, b) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                    let prior =
+                        hypothesis.probability * possible.of_label[0][a].under[h] * possible.of_label[1][b].under[h];
+                    let masses = [&built[0][a], &built[1][b]].map(|masses| masses[0].clone().unwrap());
+                    let shape = Spread::of(Belief::prior(&unknowns).of_sum(&masses));
+                    let stated = Spread::of_range(hypothesis.mass_kg);
+                    let moved = stated.moved_to(&shape);
+                    let both = |ln_kg: f64, stated: &Spread| (shape.density(ln_kg) * stated.density(ln_kg)).powf(0.7);
+                    let overlap: f64 = places.iter().map(|ln_kg| both(*ln_kg, &moved)).sum();
+                    let density = places.iter().map(|ln_kg| prior * both(*ln_kg, &stated) / overlap);
+                    of_state.push(([h, a], density.collect()));
                 }
             }
+            let sum_at = |place: usize| of_state.iter().map(|(_, density)| density[place]).sum::<f64>();
+            let without_guess: Vec<f64> = (0..places.len()).map(sum_at).collect();
+            let factor = |place: usize| {
+                guess_kg.map_or(1.0, |of| (Spread::of(of).density(places[place]) / without_guess[place]).sqrt())
+            };
+            let (mut all, mut real, mut steel) = (0.0, 0.0, 0.0);
+            let mut of_mass = vec![0.0; places.len()];
+            for ([h, a], density) in &of_state {
+                for (place, density) in density.iter().enumerate() {
+                    let density = density * factor(place);
+                    all += density;
+                    real += if *h == 0 { density } else { 0.0 };
+                    steel += if *a == 0 { density } else { 0.0 };
+                    of_mass[place] += density;
+                }
+            }
+            let percentile = |share: f64| {
+                let mut below = 0.0;
+                let reached = of_mass.iter().position(|density| {
+                    below += density;
+                    below >= share * all
+                });
+                places[reached.unwrap()].exp()
+            };
+            let ObjectBelief { hypotheses, parts, .. } = &believed.object;
+            assert!((hypotheses[0].probability - real / all).abs() < 0.01, "{hypotheses:?}, {}", real / all);
+            assert!((parts[0].choices[0].probability - steel / all).abs() < 0.01, "{parts:?}, {}", steel / all);
+            let Estimate { low, mid, high } = believed.mass_kg;
+            for (found, share) in [(low, 0.05), (mid, 0.5), (high, 0.95)] {
+                assert!((found / percentile(share)).ln().abs() < 0.02, "{found}, {}", percentile(share));
+            }
+            let steel = if guess_kg.is_none() { Some(0) } else { Some(1) };
+            assert_eq!(
+                believed.taken[0], steel,
+                "with steel it is heavy enough for a real one, and too heavy for the guess"
+            );
+            assert_eq!(believed.object.guess_kg, guess_kg);
         }
-        of_mass.sort_by(|a, b| a.0.total_cmp(&b.0));
-        let percentile = |share: f64| {
-            let mut below = 0.0;
-            let reached = of_mass.iter().find(|(_, density)| {
-                below += density;
-                below >= share * all
-            });
-            reached.unwrap().0.exp()
+    }
+
+    #[test]
+    fn a_guess_that_says_what_is_believed_changes_nothing() {
+        let (mut possible, built, labels, mut unknowns) = two_parts();
+        possible.hypotheses.truncate(1);
+        let mut weighed = |guess_kg: Option<Estimate>| {
+            let possible = Possibilities { guess_kg, ..possible.clone() };
+            weighed(&possible, &built, &labels, &mut unknowns, None).mass_kg
         };
-        let ObjectBelief { hypotheses, parts, .. } = &believed.object;
-        assert!((hypotheses[0].probability - real / all).abs() < 0.01, "{hypotheses:?}, {}", real / all);
-        assert!((parts[0].choices[0].probability - steel / all).abs() < 0.01, "{parts:?}, {}", steel / all);
-        let Estimate { low, mid, high } = believed.mass_kg;
-        for (found, share) in [(low, 0.05), (mid, 0.5), (high, 0.95)] {
-            assert!((found / percentile(share)).ln().abs() < 0.02, "{found}, {}", percentile(share));
+        let without = weighed(None);
+        let with = weighed(Some(without));
+        for (with, without) in [(with.low, without.low), (with.mid, without.mid), (with.high, without.high)] {
+            assert!((with / without).ln().abs() < 0.02, "{with}, {without}");
         }
-        assert_eq!(believed.taken, [Some(0), Some(0)], "steel and ash: heavy enough for a real one");
     }
 
     #[test]

@@ -71,7 +71,7 @@ impl Spread {
 const POWER: f64 = 0.7;
 
 /// The density of what two beliefs say together, up to a factor; that of the first if it is the only one.
-pub fn joint(a: f64, b: Option<f64>) -> f64 {
+fn joint(a: f64, b: Option<f64>) -> f64 {
     b.map_or(a, |b| (a * b).powf(POWER))
 }
 
@@ -143,9 +143,37 @@ impl Curve {
     /// The [joint] density of two beliefs on the same grid, and its integral.
     pub fn product(&self, a: &Spread, b: Option<&Spread>) -> (Self, f64) {
         let density = |ln_kg: f64| joint(a.density(ln_kg), b.map(|b| b.density(ln_kg)));
-        let density: Vec<f64> = self.places().map(density).collect();
-        let integral = density.iter().sum::<f64>() * self.step;
-        (Self { density, ..*self }, integral)
+        let product = Self { density: self.places().map(density).collect(), ..*self };
+        let integral = product.integral();
+        (product, integral)
+    }
+
+    pub fn integral(&self) -> f64 {
+        self.density.iter().sum::<f64>() * self.step
+    }
+
+    /// The factor, on the same grid, by which this density becomes its geometric mean with another belief's, up to a constant. That is the
+    /// logarithmic opinion pool with equal weights (Genest and Zidek, *Combining probability distributions*, 1986): the weights of judges
+    /// who know the same, as two answers of one model do, make 1, so that agreement does not count as if it were news.
+    pub fn pooled_with(&self, other: &Spread) -> Self {
+        let factor = |(at, density): (f64, &f64)| (other.density(at) / density).sqrt();
+        Self { density: self.places().zip(&self.density).map(factor).collect(), ..*self }
+    }
+
+    /// Multiplies it by another on the same grid.
+    pub fn multiply(&mut self, other: &Self) {
+        self.density.iter_mut().zip(&other.density).for_each(|(density, factor)| *density *= factor);
+    }
+
+    /// The density of ln(kg), between two places in proportion; 0 beyond the grid.
+    pub fn at(&self, ln_kg: f64) -> f64 {
+        let place = (ln_kg - self.first) / self.step;
+        if !(0.0..=(PLACES - 1) as f64).contains(&place) {
+            return 0.0;
+        }
+        let below = (place as usize).min(PLACES - 2);
+        let share = place - below as f64;
+        self.density[below] * (1.0 - share) + self.density[below + 1] * share
     }
 
     /// Adds another density on the same grid.

@@ -13,8 +13,8 @@ use crate::files::json;
 use crate::query::ask::hints;
 use crate::query::recorded::Answerer;
 use crate::query::{
-    Answer, AnswerSource, Answers, Bare, Failure, Hints, LabelSet, Match, ObjectAnswers, Options, Outcome,
-    PartQuestion, Preview, Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
+    Answer, AnswerSource, Answers, Bare, Failure, GuessQuestion, Hints, LabelSet, Match, ObjectAnswers, Options,
+    Outcome, PartQuestion, Preview, Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
     materials_in_words,
 };
 use crate::scene::{ScaleChoice, Scene, View};
@@ -103,6 +103,9 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
                     let questions = answered.questions.iter();
                     outputs.extend(questions.map(|of| Artifact::Sheet(&of.view, of.subject.number())));
                     warnings.extend(answered.questions.iter().filter_map(failure_of));
+                    let guess = answered.guess.as_ref();
+                    outputs.extend(guess.map(|of| whole_sheet(Purpose::DirectGuess, &of.view)));
+                    warnings.extend(guess.and_then(failure_to_guess));
                 }
                 WholeOutcome::Failed(failure) => warnings.push(format!(
                     "the model did not say what the object is, so its parts were asked about: {failure}"
@@ -123,7 +126,9 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let served = (open.options.consensus.ask == AskAbout::Object && recognition.is_none())
         .then(|| "what the object is has no recorded answer; those about its parts are used".to_owned());
     let followed = recognition.as_ref().and_then(|answer| answer.outcome.answered());
-    let followed = followed.into_iter().flat_map(|answered| answered.questions.iter().map(reason_of));
+    let followed = followed.into_iter().flat_map(|answered| {
+        answered.questions.iter().map(reason_of).chain(answered.guess.as_ref().and_then(left_unguessed))
+    });
     let done = Done::writing(outputs)
         .warning(warnings)
         .noting(notes(&answers).into_iter().chain(served).chain(followed).collect());
@@ -168,6 +173,23 @@ fn failure_of(PartQuestion { view, subject, outcome, .. }: &PartQuestion) -> Opt
         Some(Outcome::Failed(failure)) => Some(format!("view {view}, {subject}: {failure}")),
         Some(Outcome::Answered(_)) | None => None,
     }
+}
+
+fn failure_to_guess(GuessQuestion { view, outcome }: &GuessQuestion) -> Option<String> {
+    match outcome {
+        Some(WholeOutcome::Failed(failure)) => {
+            Some(format!("view {view}: the model did not say how heavy the object is: {failure}"))
+        }
+        Some(WholeOutcome::Answered(_)) | None => None,
+    }
+}
+
+/// That nobody could be asked how heavy the object is.
+fn left_unguessed(GuessQuestion { outcome, .. }: &GuessQuestion) -> Option<String> {
+    let remedy = "--lmm-url names a model to ask, or answer by hand (gprop query SCENE --export DIR)";
+    let note =
+        || format!("how heavy the object is at a guess has no recorded answer, so its mass does without; {remedy}");
+    outcome.is_none().then(note)
 }
 
 /// The size of the object with the scale that follows from it, and what the user should know about that scale.
@@ -224,11 +246,14 @@ pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'
         }
         AskAbout::Parts | AskAbout::Segments => Vec::new(),
     };
+    let outer_size = outer_size(open)?;
+    // Without a scale, nothing follows from what a thing may weigh.
+    let asks_mass = !recognition.is_empty() && outer_size.is_some();
     let whole = WholeViews {
         size: if asks_size { fullest_view(open) } else { None },
         recognition,
-        direct: Vec::new(),
-        outer_size: outer_size(open)?,
+        direct: if asks_mass { sides_of_guess(open) } else { Vec::new() },
+        outer_size,
         bare: if open.scene.support.is_some() { Bare::First } else { Bare::No },
         hints: hints(open, options),
     };
@@ -240,8 +265,7 @@ pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'
 pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
     let view = |view: &'a View| Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: Vec::new() });
     let views = open.views.iter().map(view).collect::<Result<_>>()?;
-    let direct = sides(open, &vec![&LabelMap::default(); open.views.len()], SIDES_OF_GUESS);
-    let whole = WholeViews { direct, outer_size: outer_size(open)?, ..WholeViews::default() };
+    let whole = WholeViews { direct: sides_of_guess(open), outer_size: outer_size(open)?, ..WholeViews::default() };
     let subjects =
         Subjects { views, subjects: Vec::new(), ask_views: 1, about: AskAbout::Object, whole, regions: Vec::new() };
     asking(open, &open.options.query, subjects)
@@ -265,6 +289,11 @@ fn sides(open: &OpenScene, maps: &[&LabelMap], most: usize) -> Vec<usize> {
     let cameras: Vec<&Camera> = open.views.iter().map(|view| &view.camera).collect();
     let center = open.scene.object_bounds().center();
     fullest_view(open).map_or_else(Vec::new, |first| consensus::sides::sides(&cameras, center, maps, first, most))
+}
+
+/// The views in the question for the mass of the object alone.
+fn sides_of_guess(open: &OpenScene) -> Vec<usize> {
+    sides(open, &vec![&LabelMap::default(); open.views.len()], SIDES_OF_GUESS)
 }
 
 /// The outer size of the object in words, if the scale is known before anyone is asked: a model knows what such things weigh.

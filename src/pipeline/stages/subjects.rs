@@ -159,3 +159,34 @@ impl FoundParts {
         }))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+
+    use super::*;
+    use crate::materials::MaterialLibrary;
+    use crate::query::Answer;
+
+    #[test]
+    fn an_answer_counts_where_its_view_does_not_show_the_first_region_of_its_part() {
+        let found = |id: u16, views: serde_json::Value| {
+            let part = json!({
+                "id": id, "piece_of": null, "gaussians": 20, "light": 9.0, "separation": 1.0, "backed_by": 1, "opposed_by": 0,
+                "views": views,
+            });
+            serde_json::from_value::<FoundPart>(part).unwrap()
+        };
+        let shown = json!([{ "view": "000", "pixels": 50 }]);
+        let parts = FoundParts { parts: vec![found(1, json!([])), found(2, shown)], maps: Vec::new() };
+        let answer = Answer::of(MaterialLibrary::builtin().get("abs").unwrap());
+        let about = |id: u16| SubjectAnswer {
+            view: "000".to_owned(),
+            subject: SubjectId::Part(id),
+            outcome: Outcome::Answered(answer.clone()),
+        };
+        let answers = Answers::new(vec![about(1), about(2)]);
+        let weights: Vec<(u16, f64)> = parts.answered(&answers).iter().map(|of| (of.id, of.answers[0].1)).collect();
+        assert_eq!(weights, [(1, 1.0), (2, 50.0)]);
+    }
+}

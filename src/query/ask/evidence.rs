@@ -17,8 +17,11 @@ use serde::{Deserialize, Serialize};
 
 use super::follow_up::Why;
 use crate::materials::MaterialLibrary;
-use crate::query::{AlternativeMaterial, Answer, Form, Inside, Outcome, Recognition, RecognizedPart, SubjectId};
-use crate::units::Range;
+use crate::query::{
+    AlternativeMaterial, Answer, DirectGuess, Form, Inside, Outcome, Recognition, RecognizedPart, SubjectId,
+    WholeOutcome,
+};
+use crate::units::{Estimate, Range};
 
 /// As for the ends of ranges: one of ten things is none of what the model says.
 pub const OUTSIDE: f64 = 0.1;
@@ -34,6 +37,18 @@ pub struct ObjectAnswers {
     pub recognition: Recognition,
     #[serde(default)]
     pub questions: Vec<PartQuestion>,
+    /// The question how heavy it is, judged from the photos alone, if that was to be asked.
+    #[serde(default)]
+    pub guess: Option<GuessQuestion>,
+}
+
+/// The question how heavy the object is that followed the one what it is.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct GuessQuestion {
+    /// The first of the views that it showed.
+    pub view: String,
+    /// `None` if it is not recorded, and nobody could be asked.
+    pub outcome: Option<WholeOutcome<DirectGuess>>,
 }
 
 /// A question about a part by itself that followed the one about the object.
@@ -72,6 +87,12 @@ impl PartQuestion {
     }
 }
 
+impl GuessQuestion {
+    pub fn answer(&self) -> Option<&DirectGuess> {
+        self.outcome.as_ref().and_then(WholeOutcome::answered)
+    }
+}
+
 impl ObjectAnswers {
     /// Why it cannot be what gprop wrote: a work folder may come from anyone.
     pub fn problem(&self) -> Option<String> {
@@ -80,14 +101,19 @@ impl ObjectAnswers {
         let alternatives = self.questions.iter().filter_map(PartQuestion::answer).flat_map(|of| &of.alternatives);
         let are_probabilities = alternatives.map(|of| of.probability).all(|of| (0.0..=1.0).contains(&of));
         let improbable = || "a probability in it is not from 0 to 1".to_owned();
+        let is_mass = |Estimate { low, mid, high }| low > 0.0 && low <= mid && mid <= high && high < f64::INFINITY;
+        let guess = self.guess.as_ref().and_then(GuessQuestion::answer);
+        let impossible = || "the mass that was guessed is impossible".to_owned();
         let problem = self.recognition.problem();
         let problem = problem.or_else(|| (!self.questions.iter().all(is_known)).then(unknown));
-        problem.or_else(|| (!are_probabilities).then(improbable))
+        let problem = problem.or_else(|| (!are_probabilities).then(improbable));
+        problem.or_else(|| guess.is_some_and(|guess| !is_mass(guess.mass_kg)).then(impossible))
     }
 
     /// True if a question that followed has no answer.
     pub fn lacks_answers(&self) -> bool {
         self.questions.iter().any(|question| question.answer().is_none())
+            || self.guess.as_ref().is_some_and(|question| question.answer().is_none())
     }
 
     /// The question about the part of this index by itself, if there was one.
@@ -307,7 +333,7 @@ mod tests {
             why: Why::Material { probability: 0.6, view_share: 0.1 },
             outcome: Some(Outcome::Answered(said)),
         };
-        ObjectAnswers { recognition, questions: vec![question] }
+        ObjectAnswers { recognition, questions: vec![question], guess: None }
     }
 
     fn probabilities(answers: &ObjectAnswers) -> Vec<f64> {

@@ -9,8 +9,8 @@ use crate::query::ask::budget::Budget;
 use crate::query::ask::follow_up::{self, FollowUp};
 use crate::query::ask::rounds::{Subject, SubjectInView};
 use crate::query::{
-    Alternative, Answer, Answers, DirectGuess, ObjectAnswers, Outcome, PartQuestion, Queries, QueryError, Recognition,
-    RecognizedPart, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
+    Alternative, Answer, Answers, AnyWholeQuestion, DirectGuess, GuessQuestion, ObjectAnswers, Outcome, PartQuestion,
+    Queries, QueryError, Recognition, RecognizedPart, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
 };
 use crate::words::progress;
 
@@ -109,7 +109,21 @@ impl QuerySession<'_> {
             outcome: by_place[&place].clone(),
         });
         let questions = questions.collect();
-        Ok(WholeAnswer { view, outcome: WholeOutcome::Answered(ObjectAnswers { recognition, questions }) })
+        let guess = self.guess_question(asker, budget)?;
+        Ok(WholeAnswer { view, outcome: WholeOutcome::Answered(ObjectAnswers { recognition, questions, guess }) })
+    }
+
+    /// The question how heavy the object is, if that is to be asked; left open as those about parts are.
+    fn guess_question(&self, asker: Option<&dyn Asker>, budget: &Budget) -> Result<Option<GuessQuestion>> {
+        let Some(question) = &self.whole.direct else { return Ok(None) };
+        let object = self.about_whole()?;
+        let view = question.shown().view.clone();
+        let outcome = match object.ask_whole(question, &self.recordings, asker, budget, self.progress) {
+            Ok(WholeAnswer { outcome, .. }) => Some(outcome),
+            Err(QueryError::MissingWhole { .. }) => None,
+            Err(error) => return Err(error.into()),
+        };
+        Ok(Some(GuessQuestion { view, outcome }))
     }
 
     /// The parts to ask about by themselves, the most worthwhile first.
