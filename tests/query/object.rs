@@ -383,7 +383,6 @@ fn without_an_answer_the_run_says_how_to_get_one() {
 #[test]
 fn a_direct_guess_is_recorded_counts_and_is_scored_beside_gprop() {
     let Asked { balls, count } = ball(|regions| wood_or_plastic([200.0, 600.0], regions));
-    // Only the object's own question is recorded, so the mass does without the guess.
     let folder = balls.folder().join("questions");
     let query = |more: &[&str]| gprop().arg("query").arg(balls.scene(0)).args(more).output().unwrap();
     let path = folder.to_str().unwrap();
