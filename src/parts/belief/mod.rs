@@ -8,7 +8,7 @@
 //!
 //! p(state, m) is proportional to p(state) * (shape(m | state) * stated(m | hypothesis))^0.7 / overlap(state)
 //!
-//! (a product of experts; [`joint`](spread) says why there is a power). The overlap is the integral of that if their middles were the same: so a state
+//! (a product of experts; [`spread`] says why there is a power). The overlap is the integral of that if their middles were the same: so a state
 //! under which the object would be much too heavy for what it is loses, but none loses because the mass of such a thing is little
 //! known. If the model also guessed the mass from the photos alone, the sum over states and that guess are [pooled](Curve::pooled_with).
 //! The sum is computed on a grid. `docs/parts.md` has the model in words.
