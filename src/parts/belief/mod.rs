@@ -24,7 +24,7 @@ use crate::materials::MaterialLibrary;
 use crate::query::{Alternative, GuessQuestion, Hypothesis, ObjectAnswers, Printed, RecognizedPart, Unnumbered};
 use crate::units::{Estimate, Range};
 use crate::vote::{Contents, FieldPart, Filled, MaterialField};
-use spread::{Curve, Spread, mean_density};
+use spread::{Curve, Spread, joint, mean_density};
 use states::State;
 
 /// What the object and its parts may be, beside what the field says of them.
@@ -252,9 +252,15 @@ pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns)
     let mut whole = empty.clone();
     let mut by_hypothesis = vec![(empty, 0.0); stated.len()];
     let mut given_state = Vec::with_capacity(states.len());
-    for (of, (mut product, prior)) in states.iter().zip(products) {
+    for ((of, shape), (mut product, prior)) in states.iter().zip(&shapes).zip(products) {
         factor.iter().for_each(|factor| product.multiply(factor));
-        let at_reading = weighing.map(|of| mean_density(|ln_kg| product.at(ln_kg), of.kg.ln(), of.relative_error()));
+        let stated = possible.stated_mass_counts.then_some(&stated[of.state.hypothesis]);
+        // A reading may lie beyond the grid.
+        let density = |ln_kg: f64| {
+            let unpooled = joint(shape.density(ln_kg), stated.map(|stated| stated.density(ln_kg)));
+            unpooled * factor.as_ref().map_or(1.0, |factor| factor.at(ln_kg))
+        };
+        let at_reading = weighing.map(|of| mean_density(density, of.kg.ln(), of.relative_error()));
         let weight = prior * at_reading.unwrap_or_else(|| product.integral());
         whole.add(&product, prior);
         let (curve, sum) = &mut by_hypothesis[of.state.hypothesis];
@@ -715,6 +721,24 @@ mod tests {
         let rough = weighed(Some(Weighing { kg: 0.2, error_kg: 0.2 * 1000f64.ln() }));
         for (found, expected) in rough.object.hypotheses.iter().zip(&before.object.hypotheses) {
             assert!((found.probability - expected.probability).abs() < 0.02, "{found:?}, {expected:?}");
+        }
+    }
+
+    /// With many unknowns at their ends, a mass may be farther from its middle than the grid reaches.
+    #[test]
+    fn a_reading_beyond_the_grid_is_weighed() {
+        let (mut possible, mut built, labels, mut unknowns) = two_parts();
+        let many = (10..60).map(|of| (unknowns.number(Source::Density, &Owner::Part(of)), symmetric(0.05))).collect();
+        built[0][0][0].as_mut().unwrap().effects = many;
+        possible.hypotheses.truncate(1);
+        possible.hypotheses[0].mass_kg = Range::new(0.65, 0.75);
+        for guess_kg in [None, Some(Estimate::new(0.6, 0.7, 0.8))] {
+            possible.guess_kg = guess_kg;
+            let believed = weighed(&possible, &built, &labels, &mut unknowns, reads(6.0));
+            assert!(believed.reading.unwrap().is_possible);
+            let [hypothesis] = &believed.object.hypotheses[..] else { panic!("{:?}", believed.object) };
+            assert!((hypothesis.probability - 1.0).abs() < 1e-9, "{hypothesis:?}");
+            assert_eq!(believed.taken[0], Some(0), "plastic is never as heavy");
         }
     }
 

@@ -71,7 +71,7 @@ impl Spread {
 const POWER: f64 = 0.7;
 
 /// The density of what two beliefs say together, up to a factor; that of the first if it is the only one.
-fn joint(a: f64, b: Option<f64>) -> f64 {
+pub fn joint(a: f64, b: Option<f64>) -> f64 {
     b.map_or(a, |b| (a * b).powf(POWER))
 }
 
@@ -165,12 +165,9 @@ impl Curve {
         self.density.iter_mut().zip(&other.density).for_each(|(density, factor)| *density *= factor);
     }
 
-    /// The density of ln(kg), between two places in proportion; 0 beyond the grid.
+    /// The value at ln(kg), between two places in proportion; beyond the grid, that of its end.
     pub fn at(&self, ln_kg: f64) -> f64 {
-        let place = (ln_kg - self.first) / self.step;
-        if !(0.0..=(PLACES - 1) as f64).contains(&place) {
-            return 0.0;
-        }
+        let place = ((ln_kg - self.first) / self.step).clamp(0.0, (PLACES - 1) as f64);
         let below = (place as usize).min(PLACES - 2);
         let share = place - below as f64;
         self.density[below] * (1.0 - share) + self.density[below + 1] * share

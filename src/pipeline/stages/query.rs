@@ -153,6 +153,9 @@ fn questions_in(recognition: Option<&mut WholeAnswer<ObjectAnswers>>) -> impl It
     answered.into_iter().flat_map(|answered| &mut answered.questions)
 }
 
+/// What gets a question answered that has no recorded answer.
+const ASK_OR_ANSWER: &str = "--lmm-url names a model to ask, or answer by hand (gprop query SCENE --export DIR)";
+
 /// Why a question about a part followed, and what came of it.
 fn reason_of(question: &PartQuestion) -> String {
     let PartQuestion { view, subject, why, .. } = question;
@@ -161,9 +164,7 @@ fn reason_of(question: &PartQuestion) -> String {
             format!("answered {}", materials_in_words(material, *confidence, alternatives))
         }
         Some(Outcome::Failed(_)) => "not answered".to_owned(),
-        None => "no recorded answer, so the answer about the object stands; --lmm-url names a model to ask, or answer by hand \
-                 (gprop query SCENE --export DIR)"
-            .to_owned(),
+        None => format!("no recorded answer, so the answer about the object stands; {ASK_OR_ANSWER}"),
     };
     format!("view {view}, {subject} is asked about because {why}: {outcome}")
 }
@@ -186,9 +187,9 @@ fn failure_to_guess(GuessQuestion { view, outcome }: &GuessQuestion) -> Option<S
 
 /// That nobody could be asked how heavy the object is.
 fn left_unguessed(GuessQuestion { outcome, .. }: &GuessQuestion) -> Option<String> {
-    let remedy = "--lmm-url names a model to ask, or answer by hand (gprop query SCENE --export DIR)";
-    let note =
-        || format!("how heavy the object is at a guess has no recorded answer, so its mass does without; {remedy}");
+    let note = || {
+        format!("how heavy the object is at a guess has no recorded answer, so its mass does without; {ASK_OR_ANSWER}")
+    };
     outcome.is_none().then(note)
 }
 
