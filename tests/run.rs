@@ -329,7 +329,7 @@ fn the_cup_of_the_fixtures_weighs_what_it_should() {
     // By `make.py`, 118.4 cm3 of stoneware, 2150 to 2600 kg/m3 in the library, on 39.1 cm3 of cork, 180 to 350 kg/m3.
     let [light, heavy] = [[2150.0, 180.0], [2600.0, 350.0]].map(|[cup, coaster]| 118.4e-6 * cup + 39.1e-6 * coaster);
     let [low, mid, high] = ["low", "mid", "high"].map(|end| mass[end].as_f64().unwrap());
-    assert!(light <= mid && mid <= heavy && low > 0.75 * light && high < 1.25 * heavy, "{mass}");
+    assert!(light <= mid && mid <= heavy && low > 0.75 * light && high < 1.2 * heavy, "{mass}");
     let materials: Vec<&str> =
         parts["parts"].as_array().unwrap().iter().map(|part| part["material"].as_str().unwrap()).collect();
     assert_eq!(materials, ["stoneware", "cork, agglomerated"]);

@@ -420,6 +420,15 @@ fn a_direct_guess_is_recorded_counts_and_is_scored_beside_gprop() {
     assert!(without["belief"]["guess_kg"].is_null());
     let real = |of: &Value| of["belief"]["hypotheses"][0]["probability"].as_f64().unwrap();
     assert!(real(&with) > real(&without) + 0.1, "the guess is heavy: {} {}", real(&with), real(&without));
+    assert!((0.2..0.8).contains(&real(&without)), "both weigh what they should: {}", without["belief"]);
+    let end = |end: &str| without["object"]["mass_kg"][end].as_f64().unwrap();
+    assert!(end("low") < 0.6 && end("high") > 2.0, "{}", without["object"]["mass_kg"]);
+
+    // Asked for by itself, it is recorded too.
+    let alone = gprop().arg("query").arg(balls.scene(0)).arg("--direct").args(balls.answers()).output().unwrap();
+    assert!(alone.status.success() && said(&alone).contains("direct guess: 2.5 kg"), "{}", said(&alone));
+    assert_eq!(count.load(Ordering::SeqCst), asked + 1);
+    assert!(evaluate().status.success());
 }
 
 #[test]
