@@ -58,6 +58,11 @@ impl Range {
     pub fn is_valid(self) -> bool {
         self.low.is_finite() && self.high.is_finite() && self.low <= self.high
     }
+
+    /// True if it is valid and no value in it is 0 or less, as a mass must be.
+    pub fn is_positive(self) -> bool {
+        self.low > 0.0 && self.is_valid()
+    }
 }
 
 impl From<[f64; 2]> for Range {
@@ -95,6 +100,11 @@ impl Estimate {
     /// Sum of two estimates whose errors may have the same sign: bounds add.
     pub fn plus(self, other: Self) -> Self {
         Self::new(self.low + other.low, self.mid + other.mid, self.high + other.high)
+    }
+
+    /// True if its values are finite, in order and more than 0, as those of a mass must be.
+    pub fn is_positive(self) -> bool {
+        Range::new(self.low, self.high).is_positive() && (self.low..=self.high).contains(&self.mid)
     }
 
     /// The estimate times a positive factor.

@@ -36,8 +36,9 @@ fn seconds(kind: &Kind, count: usize) -> f64 {
     let folder = TempDir::new().unwrap();
     (kind.write)(folder.path(), count);
     let gprop = gprop();
-    let mut shell = Command::new("sh");
-    shell.args(["-c", r#""$@" 2>&1; times"#, "sh"]).arg(gprop.get_program()).arg("inspect").arg(folder.path());
+    // Other shells count hundredths of seconds, which is too coarse.
+    let mut shell = Command::new("bash");
+    shell.args(["-c", r#""$@" 2>&1; times"#, "bash"]).arg(gprop.get_program()).arg("inspect").arg(folder.path());
     let output = shell.args(["-q", "--views", "1"]).env("GPROP_OFFLINE", "1").output().unwrap();
     let said = String::from_utf8_lossy(&output.stdout);
     assert!(said.contains(kind.says), "{} of {}: {said}", count, kind.name);

@@ -241,11 +241,11 @@ pub fn believe(evidence: &Evidence, states: Vec<State>, unknowns: &mut Unknowns)
     let mut products = Vec::with_capacity(states.len());
     for (of, shape) in states.iter().zip(&shapes) {
         let stated = possible.stated_mass_counts.then_some(&stated[of.state.hypothesis]);
-        let (product, _) = empty.product(shape, stated);
-        let (_, overlap) = empty.product(shape, stated.map(|stated| stated.moved_to(shape)).as_ref());
-        let prior = of.state.probability / overlap;
+        let product = empty.product(shape, stated);
+        let overlap = empty.product(shape, stated.map(|stated| stated.moved_to(shape)).as_ref());
+        let prior = of.state.probability / overlap.integral();
         unpooled.add(&product, prior);
-        by_shape.add(&empty.product(shape, None).0, of.state.probability);
+        by_shape.add(&empty.product(shape, None), of.state.probability);
         products.push((product, prior));
     }
     let factor = guess.map(|guess| unpooled.pooled_with(&guess));
@@ -522,7 +522,7 @@ fn masses(
         there().next()?;
         let mut curve = Curve::over(there().map(|(spread, _)| spread));
         let empty = curve.clone();
-        there().for_each(|(spread, weight)| curve.add(&empty.product(spread, None).0, *weight));
+        there().for_each(|(spread, weight)| curve.add(&empty.product(spread, None), *weight));
         for (spread, weight) in &spreads {
             all += weight;
             of_nothing += if spread.is_none() && may_be_nothing { *weight } else { 0.0 };

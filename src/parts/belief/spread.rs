@@ -140,12 +140,10 @@ impl Curve {
         Self { first: low, step: (high - low) / (PLACES - 1) as f64, density: vec![0.0; PLACES] }
     }
 
-    /// The [joint] density of two beliefs on the same grid, and its integral.
-    pub fn product(&self, a: &Spread, b: Option<&Spread>) -> (Self, f64) {
+    /// The [joint] density of two beliefs, on the same grid.
+    pub fn product(&self, a: &Spread, b: Option<&Spread>) -> Self {
         let density = |ln_kg: f64| joint(a.density(ln_kg), b.map(|b| b.density(ln_kg)));
-        let product = Self { density: self.places().map(density).collect(), ..*self };
-        let integral = product.integral();
-        (product, integral)
+        Self { density: self.places().map(density).collect(), ..*self }
     }
 
     pub fn integral(&self) -> f64 {
@@ -221,8 +219,8 @@ mod tests {
         for (share, expected) in [(0.05, given.low), (0.5, given.mid), (0.95, given.high)] {
             assert!((spread.quantile(share) / expected).ln().abs() < 1e-6, "{share}: {}", spread.quantile(share));
         }
-        let (curve, integral) = Curve::over(std::iter::once(&spread)).product(&spread, None);
-        assert!((integral - 1.0).abs() < 0.005, "{integral}");
+        let curve = Curve::over(std::iter::once(&spread)).product(&spread, None);
+        assert!((curve.integral() - 1.0).abs() < 0.005, "{}", curve.integral());
         let found = curve.percentiles();
         for (found, given) in [(found.low, given.low), (found.mid, given.mid), (found.high, given.high)] {
             assert!((found / given).ln().abs() < 0.02, "{found} for {given}");
@@ -245,7 +243,7 @@ mod tests {
     #[test]
     fn what_may_not_be_there_may_weigh_nothing() {
         let spread = Spread::of_range(Range::new(0.2, 0.3));
-        let curve = Curve::over(std::iter::once(&spread)).product(&spread, None).0;
+        let curve = Curve::over(std::iter::once(&spread)).product(&spread, None);
         let found = curve.percentiles_unless(0.1);
         // The 40th of 90 parts is the middle of all.
         assert!(found.low == 0.0 && (found.mid / spread.quantile(4.0 / 9.0)).ln().abs() < 0.01, "{found:?}");
@@ -255,8 +253,8 @@ mod tests {
     fn a_mass_of_nothing_is_a_belief_too() {
         let nothing = Spread::of(Estimate::exactly(0.0));
         let something = Spread::of_range(Range::new(0.1, 0.2));
-        let (curve, agreement) = Curve::over([&nothing, &something].into_iter()).product(&nothing, Some(&something));
-        let Estimate { low, mid, high } = curve.percentiles();
+        let curve = Curve::over([&nothing, &something].into_iter()).product(&nothing, Some(&something));
+        let (Estimate { low, mid, high }, agreement) = (curve.percentiles(), curve.integral());
         assert!([low, mid, high, agreement].iter().all(|number| number.is_finite()), "{low} {mid} {high} {agreement}");
     }
 
@@ -284,10 +282,10 @@ mod tests {
     #[test]
     fn of_two_that_disagree_by_far_neither_is_explained_away() {
         let [light, heavy] = [Spread::of_range(Range::new(0.09, 0.11)), Spread::of_range(Range::new(0.9, 1.1))];
-        let (curve, agreement) = Curve::over([&light, &heavy].into_iter()).product(&light, Some(&heavy));
+        let curve = Curve::over([&light, &heavy].into_iter()).product(&light, Some(&heavy));
         let found = curve.percentiles();
         assert!(found.low < 0.12 && found.high > 0.85, "both are kept in mind: {found:?}");
-        let (_, with_itself) = curve.product(&light, Some(&light));
-        assert!(agreement < 1e-3 * with_itself);
+        let with_itself = curve.product(&light, Some(&light));
+        assert!(curve.integral() < 1e-3 * with_itself.integral());
     }
 }

@@ -240,10 +240,11 @@ pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'
     let views: Vec<QueryView> = views.collect::<Result<_>>()?;
     let (subjects, ask_views) = about.subjects(open);
     let asks_size = open.options.scene.scale == ScaleChoice::Estimate;
+    let fullest = fullest_view(open);
     let recognition = match open.options.consensus.ask {
         AskAbout::Object => {
             let maps: Vec<&LabelMap> = views.iter().filter_map(|view| view.maps.last()).map(AsRef::as_ref).collect();
-            sides(open, &maps, MOST_SIDES)
+            sides(open, fullest, &maps, MOST_SIDES)
         }
         AskAbout::Parts | AskAbout::Segments => Vec::new(),
     };
@@ -251,9 +252,9 @@ pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'
     // Without a scale, nothing follows from what a thing may weigh.
     let asks_mass = !recognition.is_empty() && outer_size.is_some();
     let whole = WholeViews {
-        size: if asks_size { fullest_view(open) } else { None },
+        size: fullest.filter(|_| asks_size),
         recognition,
-        direct: if asks_mass { sides_of_guess(open) } else { Vec::new() },
+        direct: if asks_mass { sides_of_guess(open, fullest) } else { Vec::new() },
         outer_size,
         bare: if open.scene.support.is_some() { Bare::First } else { Bare::No },
         hints: hints(open, options),
@@ -266,7 +267,7 @@ pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'
 pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
     let view = |view: &'a View| Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: Vec::new() });
     let views = open.views.iter().map(view).collect::<Result<_>>()?;
-    let whole = WholeViews { direct: sides_of_guess(open), outer_size: outer_size(open)?, ..WholeViews::default() };
+    let whole = WholeViews { direct: sides_of_guess(open, fullest_view(open)), outer_size: outer_size(open)?, ..WholeViews::default() };
     let subjects =
         Subjects { views, subjects: Vec::new(), ask_views: 1, about: AskAbout::Object, whole, regions: Vec::new() };
     asking(open, &open.options.query, subjects)
@@ -284,17 +285,17 @@ const MOST_SIDES: usize = 4;
 /// Photos in the question for its mass alone: as many as people take to show a thing.
 const SIDES_OF_GUESS: usize = 3;
 
-/// Up to `most` of the chosen views that show the object, divided as `maps` say, from all sides; the one that shows most of
-/// it comes first.
-fn sides(open: &OpenScene, maps: &[&LabelMap], most: usize) -> Vec<usize> {
+/// Up to `most` of the chosen views that show the object, divided as `maps` say, from all sides; `first`, the one that shows most
+/// of it, comes first. None without that.
+fn sides(open: &OpenScene, first: Option<usize>, maps: &[&LabelMap], most: usize) -> Vec<usize> {
     let cameras: Vec<&Camera> = open.views.iter().map(|view| &view.camera).collect();
     let center = open.scene.object_bounds().center();
-    fullest_view(open).map_or_else(Vec::new, |first| consensus::sides::sides(&cameras, center, maps, first, most))
+    first.map_or_else(Vec::new, |first| consensus::sides::sides(&cameras, center, maps, first, most))
 }
 
 /// The views in the question for the mass of the object alone.
-fn sides_of_guess(open: &OpenScene) -> Vec<usize> {
-    sides(open, &vec![&LabelMap::default(); open.views.len()], SIDES_OF_GUESS)
+fn sides_of_guess(open: &OpenScene, first: Option<usize>) -> Vec<usize> {
+    sides(open, first, &vec![&LabelMap::default(); open.views.len()], SIDES_OF_GUESS)
 }
 
 /// The outer size of the object in words, if the scale is known before anyone is asked: a model knows what such things weigh.

@@ -118,7 +118,6 @@ impl Recognition {
                 |choice: &Choice| choice.under.iter().all(|&of| of < hypotheses) && choice.probability.is_finite();
             !part.choices.is_empty() && part.choices.iter().all(is_known)
         };
-        let are_masses = |mass: Range| mass.low > 0.0 && mass.low <= mass.high && mass.high.is_finite();
         if hypotheses == 0 || !self.parts.iter().all(is_whole) {
             return Some("it has no hypothesis, or a piece without a choice".to_owned());
         }
@@ -126,7 +125,7 @@ impl Recognition {
             return Some("a region is in two of its pieces".to_owned());
         }
         let masses = self.hypotheses.iter().map(|of| of.mass_kg).chain(self.unnumbered.iter().map(|of| of.mass_kg));
-        (!masses.into_iter().all(are_masses)).then(|| "a mass in it is impossible".to_owned())
+        (!masses.into_iter().all(Range::is_positive)).then(|| "a mass in it is impossible".to_owned())
     }
 
     /// For each region, the first region of its part, by which the part goes.

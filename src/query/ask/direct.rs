@@ -62,11 +62,11 @@ pub fn question(
 fn read(value: Value) -> Result<DirectGuess, Problem> {
     let Written { object, clues, mass_g: [low, mid, high] } =
         serde_json::from_value(value).map_err(|error| Problem::invalid(format!("{error}.")))?;
-    if !(low > 0.0 && low <= mid && mid <= high && high.is_finite()) {
+    let mass_kg = Estimate::new(low, mid, high).scaled(KG_PER_G);
+    if !mass_kg.is_positive() {
         let problem = "mass_g: give [low, mid, high] in g, in this order, all more than 0.";
         return Err(Problem::invalid(problem.to_owned()));
     }
-    let mass_kg = Estimate::new(low, mid, high).scaled(KG_PER_G);
     Ok(DirectGuess { object: object.trim().into(), clues: clues.trim().into(), mass_kg })
 }
 

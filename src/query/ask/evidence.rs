@@ -21,7 +21,7 @@ use crate::query::{
     AlternativeMaterial, Answer, DirectGuess, Form, Inside, Outcome, Recognition, RecognizedPart, SubjectId,
     WholeOutcome,
 };
-use crate::units::{Estimate, Range};
+use crate::units::Range;
 
 /// As for the ends of ranges: one of ten things is none of what the model says.
 pub const OUTSIDE: f64 = 0.1;
@@ -101,13 +101,12 @@ impl ObjectAnswers {
         let alternatives = self.questions.iter().filter_map(PartQuestion::answer).flat_map(|of| &of.alternatives);
         let are_probabilities = alternatives.map(|of| of.probability).all(|of| (0.0..=1.0).contains(&of));
         let improbable = || "a probability in it is not from 0 to 1".to_owned();
-        let is_mass = |Estimate { low, mid, high }| low > 0.0 && low <= mid && mid <= high && high < f64::INFINITY;
         let guess = self.guess.as_ref().and_then(GuessQuestion::answer);
         let impossible = || "the mass that was guessed is impossible".to_owned();
         let problem = self.recognition.problem();
         let problem = problem.or_else(|| (!self.questions.iter().all(is_known)).then(unknown));
         let problem = problem.or_else(|| (!are_probabilities).then(improbable));
-        problem.or_else(|| guess.is_some_and(|guess| !is_mass(guess.mass_kg)).then(impossible))
+        problem.or_else(|| guess.is_some_and(|guess| !guess.mass_kg.is_positive()).then(impossible))
     }
 
     /// True if a question that followed has no answer.
