@@ -22,11 +22,13 @@ use std::path::{Path, PathBuf};
 use clap::ArgMatches;
 
 use crate::config::{self, ConfigError, Flag, Owner};
+use crate::objects;
 use crate::pipeline::{self, FieldFlags, OBJECT, Options, Plan, Stage, work_folder_of};
 use crate::scene::{self, ObjectChoice, ObjectNumber};
 use crate::words::output::one_line;
-use crate::workdir::Artifact;
+use crate::workdir::{self, Artifact};
 
+use super::arguments::StageFlags;
 use super::{Global, is_picture};
 
 /// Flags that no scene may set, but that are taken back from any work folder: they stand for flags that a scene may set.
@@ -134,7 +136,7 @@ pub fn flags(
 }
 
 /// The work folder of the last run on `scene`, and whether it stands for all objects of a capture: they are run with the same
-/// options, so those of the first are taken.
+/// options, so those of the first one that was run are taken.
 fn root_of(scene: &Path, named: Option<&Path>, object: ObjectChoice) -> Option<(PathBuf, bool)> {
     let root = |object| work_folder_of(scene, named, object).ok();
     let own = root(object)?;
@@ -142,7 +144,9 @@ fn root_of(scene: &Path, named: Option<&Path>, object: ObjectChoice) -> Option<(
         ObjectChoice::One(_) => Some((own, false)),
         ObjectChoice::Auto if own.join(Artifact::Run.path()).exists() => Some((own, false)),
         ObjectChoice::Auto | ObjectChoice::All => {
-            Some((root(ObjectChoice::One(ObjectNumber::first(1).next()?))?, true))
+            let numbers = objects::folders_in(&workdir::objects_folder(&own)).into_keys();
+            let mut folders = numbers.filter_map(|number| root(ObjectChoice::One(number)));
+            Some((folders.find(|folder| folder.join(Artifact::Run.path()).exists())?, true))
         }
     }
 }
@@ -196,6 +200,22 @@ pub fn tell(global: &Global) {
     let flags: Vec<_> = global.flags.of_last_run.iter().map(|flag| flag.to_string_lossy()).collect();
     if !flags.is_empty() {
         global.progress().line(&format!("options of the last run: {}", shown(&flags.join(" "))));
+    }
+}
+
+/// Tells the user which options of an object's own last run, in the work folder `root`, all objects are run without.
+pub fn tell_left_out(global: &Global, number: ObjectNumber, root: &Path, to: Stage) {
+    let StageFlags { typed, of_last_run, .. } = &global.flags;
+    let is_left_out = |flag: &String| {
+        let (flag, name) = (OsStr::new(flag), config::name_of(flag.as_ref()));
+        name != OBJECT && !of_last_run.iter().any(|used| used == flag) && !is_replaced(name, flag, typed)
+    };
+    let mut flags = pipeline::flags_of_last_run(root, Plan::to(to));
+    flags.retain(is_left_out);
+    if !flags.is_empty() {
+        let flags = flags.join(" ");
+        let text = format!("{number}: not used, because all objects have the same options: {}", shown(&flags));
+        global.progress().line(&text);
     }
 }
 

@@ -299,8 +299,8 @@ impl DryRun {
         match &self.queries {
             Some(plan) => text += &format!("questions: {plan}\n"),
             None if self.lacks_parts() => {
-                text += "questions: unknown until the parts are found; `gprop run SCENE --to consensus` finds them and \
-                         sends nothing\n";
+                text += "questions: unknown until the parts are found; `gprop run SCENE --to consensus` (with the same --object, \
+                         if any) finds them and sends nothing\n";
             }
             None => {}
         }

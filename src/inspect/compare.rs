@@ -5,7 +5,7 @@ use image::{GrayImage, Rgb, RgbImage};
 use super::ViewFit;
 use crate::from_splat::foreground;
 use crate::render::{FOREGROUND_ALPHA, Render, RenderOptions, render};
-use crate::scene::{Flaw, ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
+use crate::scene::{ForegroundSource, ObjectSource, Photo, Scene, SceneError, View};
 use crate::words::progress::Progress;
 
 /// The least value of a pixel that is at least half covered by the object.
@@ -14,12 +14,11 @@ const HALF: u8 = 128;
 /// The PSNR that stands for equal pictures.
 pub(super) const EQUAL_DB: f64 = 99.0;
 
-/// Compares every view, one after the other: the rasteriser uses all threads.
+/// Compares every view, one after the other: the rasteriser uses all threads. Flaws are not looked for.
 pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Result<Vec<ViewFit>, SceneError> {
     let cloud = scene.whole_cloud();
     let bar = progress.bar("inspect", views.len() as u64).with_message("views");
-    let flaws = scene.flaws(views)?;
-    let fit = |(view, flaw): (&View, &Option<Flaw>)| {
+    let fit = |view: &View| {
         let photo = as_the_splat_shows(scene, view.photo()?);
         let picture = render(&cloud, &view.camera, &RenderOptions::default());
         let all = covered(&picture);
@@ -34,7 +33,7 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
         let known = |iou: Option<f64>| knows_foreground.then_some(iou.unwrap_or(1.0));
         let fit = ViewFit {
             name: view.name.clone(),
-            flaw: *flaw,
+            flaw: None,
             psnr_db: psnr_db(&photo.rgb, &picture),
             mask_iou: known(mask_iou(&photo.foreground, &object)),
             overlap: known(overlap(&photo.foreground, &object, &all)),
@@ -42,7 +41,7 @@ pub(super) fn compare(scene: &Scene, views: &[View], progress: Progress) -> Resu
         bar.inc(1);
         Ok(fit)
     };
-    let fits = views.iter().zip(&flaws).map(fit).collect();
+    let fits = views.iter().map(fit).collect();
     bar.finish_and_clear();
     fits
 }

@@ -236,7 +236,11 @@ fn inspect_and_draw(
     } else {
         scene.spread_views(MOST_VIEWS)
     };
-    let fits = compare::compare(&scene, &views, progress)?;
+    let mut fits = compare::compare(&scene, &views, progress)?;
+    // What was chosen for being sound is not judged again: among sharp photos, the least sharp would seem blurred.
+    if !only_chosen || !options.view_list.is_empty() {
+        fits.iter_mut().zip(scene.flaws(&views)?).for_each(|(fit, flaw)| fit.flaw = flaw);
+    }
     scene.warnings.extend(quaternions::warning(&scene, &views, &fits, options)?);
     // Views that are drawn of the mesh line up with what is sampled on it.
     let verdict = if scene.mesh.is_none() { verdict::of(&scene, &views, &fits, progress)? } else { None };

@@ -71,6 +71,9 @@ impl Names {
 impl NameError {
     fn text(&self) -> String {
         let given = one_line(&self.given);
+        if given.parse::<u64>().is_ok() {
+            return format!("there is no object {given}: they are numbered from 1 on, as `gprop objects SCENE` shows");
+        }
         if self.known.0.values().all(Option::is_none) {
             return format!(
                 "no object is called {given:?}, because none was asked about yet: until then they have only numbers, such as 2 or \
@@ -106,6 +109,12 @@ fn number_of(work: &Path) -> Option<ObjectNumber> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_number_is_no_name() {
+        let error = names(&[Some("mug")]).number_of("0").unwrap_err();
+        assert!(error.to_string().contains("there is no object 0: they are numbered from 1 on"), "{error}");
+    }
 
     fn names(all: &[Option<&str>]) -> Names {
         Names(ObjectNumber::first(all.len()).zip(all.iter().map(|name| name.map(str::to_owned))).collect())

@@ -11,6 +11,7 @@ use serde::de::DeserializeOwned;
 use crate::config;
 use crate::error::Result;
 use crate::gaussians::Gaussians;
+use crate::objects;
 use crate::parts::Parts;
 use crate::query::LabelSet;
 use crate::scene::object::outliers;
@@ -53,6 +54,9 @@ impl StoredRun {
         let unfinished =
             |problem: String| WorkDirError::Unfinished { path: root.clone(), problem, command: command.clone() };
         if work.size(Artifact::Run).is_none() {
+            if let Some((_, object)) = objects::folders_in(&workdir::objects_folder(&root)).pop_first() {
+                return Err(WorkDirError::OfSeveral { path: root, object });
+            }
             return Err(unfinished("nothing has been run: there is no run.json".to_owned()));
         }
         let record: RunRecord = work.read_json(Artifact::Run)?;

@@ -506,9 +506,10 @@ impl Capture {
         let splat = found.read_splat(&splat_path, options)?;
         let mut gaussians = splat.gaussians;
         found.masks(folder, &mut views, &gaussians, options)?;
-        let frame = found.frame(&gaussians, &views, &options.up)?;
+        let mut frame = found.frame(&gaussians, &views, &options.up)?;
         let as_read = up::turn::upright(&frame.up, &mut gaussians, &mut views);
         found.notes.extend(frame.up.note());
+        found.warnings.extend(frame.upside_down.take());
         Ok(Self { found, gaussians, views, as_read, frame })
     }
 }
@@ -531,6 +532,8 @@ struct Found {
 struct Frame {
     up: Up,
     doubt: Option<String>,
+    /// What is said if up was given and the cameras contradict it.
+    upside_down: Option<String>,
     support_in_world: Option<Plane>,
     surface_in_world: Option<SupportSurface>,
 }
@@ -625,6 +628,7 @@ impl Found {
         Ok(Frame {
             up,
             doubt: up::doubt(&up, cameras.as_ref()),
+            upside_down: up::upside_down(&up, cameras.as_ref()),
             support_in_world: support.map(|support| support.turned(&up.world_from_input())),
             surface_in_world: surface.map(|surface| surface.turned(&up.world_from_input())),
         })

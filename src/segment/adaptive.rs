@@ -22,9 +22,9 @@ pub struct Adaptive<'a> {
     pub whole_object: f64,
     /// Masks of other levels explain nothing: a coarse one may cover details that were not prompted yet.
     pub level: Level,
-    /// False if the grid has no more points than are [worth asking](super::prompts::worth_asking): a photo of a room shows an object
+    /// True if the grid has no more points than are [worth asking](super::prompts::worth_asking): a photo of a room shows an object
     /// small, with noise and blur.
-    pub is_dense: bool,
+    pub is_sparse: bool,
 }
 
 impl Adaptive<'_> {
@@ -117,7 +117,7 @@ mod tests {
     #[test]
     fn what_the_masks_of_two_neighbours_cover_is_not_asked_again() {
         let foreground = columns(10, 60);
-        let adaptive = Adaptive { foreground: &foreground, whole_object: 0.9, level: Level::Middle, is_dense: true };
+        let adaptive = Adaptive { foreground: &foreground, whole_object: 0.9, level: Level::Middle, is_sparse: false };
         let worth = |x, mask: [u32; 2]| {
             let masks = [candidate(mask[0], mask[1])];
             adaptive.is_worth_asking(x, 5, &[&masks, &[], &masks])

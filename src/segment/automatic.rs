@@ -62,8 +62,8 @@ impl Request<'_> {
             options.crop_overlap,
             options.crop_points_downscale,
         );
-        let is_dense = self.adaptive.as_ref().is_none_or(|adaptive| adaptive.is_dense);
-        for crop in crops.iter_mut().filter(|_| !is_dense) {
+        let is_sparse = self.adaptive.as_ref().is_some_and(|adaptive| adaptive.is_sparse);
+        for crop in crops.iter_mut().filter(|_| is_sparse) {
             crop.points_per_side = prompts::worth_asking(crop.points_per_side, &crop.rect, options.min_region_area);
         }
         Ok(Candidates { by_crop: parallel::try_map(&crops, |crop| self.run_crop(sam, crop))? })

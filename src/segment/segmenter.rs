@@ -111,7 +111,7 @@ impl Segmenter {
                 foreground: &object,
                 whole_object: options.selection.whole_object,
                 level,
-                is_dense: photo.foreground_source != ForegroundSource::Gaussians,
+                is_sparse: photo.foreground_source == ForegroundSource::Gaussians,
             }),
             levels,
             options: &options.generator,

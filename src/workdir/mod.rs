@@ -205,6 +205,10 @@ pub enum WorkDirError {
     Locked { path: PathBuf, holder: lock::Holder },
     #[error("{path:?} was made with {input:?}, which is not in the scene; give the work folder with --out")]
     Foreign { path: PathBuf, input: PathBuf },
+    #[error(
+        "{path:?} is of a capture that shows several objects, each of which has a work folder of its own; give one, such as --out {object:?}"
+    )]
+    OfSeveral { path: PathBuf, object: PathBuf },
     #[error("{path:?}: {problem}; run `{command}` to complete it")]
     Unfinished { path: PathBuf, problem: String, command: String },
     #[error(

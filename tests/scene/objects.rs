@@ -502,6 +502,9 @@ fn blurred_and_over_exposed_photos_are_named_and_not_worked_with() {
     assert_eq!((flaw(7), flaw(9), flaw(6)), (Some("blurred"), Some("over_exposed"), None), "{text}");
     let (_, text, _) = table.run(&["inspect", "--object", "2"]);
     assert!(text.contains("over-exposed: 1 photo, not worked with: 009"), "{text}");
+    // Of those that a run would use, none is called blurred for being less sharp than the sharpest.
+    let (_, text, _) = table.run(&["inspect", "--object", "2", "--views", "5"]);
+    assert!(!text.contains("not worked with"), "{text}");
     // Neither if there are more photos than are used, nor if all would be.
     for count in ["5", "12"] {
         let (code, _, error) = table.run(&["run", "--to", "scene", "--object", "2", "--views", count]);
@@ -686,6 +689,18 @@ fn a_run_takes_all_objects_and_one_that_fails_does_not_stop_the_others() {
         assert_eq!((code, text.trim()), (Some(0), states), "{error}");
         assert!(error.contains("options of the last run: --views=5\n"), "{error}");
     }
+    // All have the same options: those of the first that was run. What another one had is said.
+    let said = |arguments: &[&str]| table.run(arguments).2;
+    said(&["run", "--to", "scene", "--object", "2", "--views", "4"]);
+    let error = said(&["run", "--to", "scene", "--dry-run"]);
+    let left_out = "object_2: not used, because all objects have the same options: --views=4";
+    assert!(error.contains("options of the last run: --views=5") && error.contains(left_out), "{error}");
+    let error = said(&["run", "--to", "scene", "--views", "4", "--dry-run"]);
+    assert!(!error.contains("not used"), "{error}");
+    std::fs::remove_dir_all(table.path().join("gprop/objects/object_1")).unwrap();
+    let error = said(&["run", "--to", "scene", "--dry-run"]);
+    assert!(error.contains("options of the last run: --views=4\n") && !error.contains("not used"), "{error}");
+    assert_eq!(table.run(&["run", "--to", "scene", "-q"]).1, "");
     // A link in the place of the first object's folder is not followed.
     let folder = table.path().join("gprop/objects/object_1");
     std::fs::remove_dir_all(&folder).unwrap();

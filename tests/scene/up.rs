@@ -179,6 +179,11 @@ fn the_cameras_suggest_which_way_is_up() {
     assert_eq!(load(&made_up, &[]).unwrap(), ([0.0, 1.0, 0.0], UpSource::Cameras));
     assert_eq!(load(&made_up, &["--up", "-x"]).unwrap(), ([-1.0, 0.0, 0.0], UpSource::Given));
     assert_eq!(load(&made_up, &["--up", "z"]).unwrap(), (z, UpSource::Given));
+    // What is given counts, but a forgotten sign is noticed.
+    for (given, is_told) in [("-y", true), ("z", false), ("0,1,1", false), ("0.1,-0.1,0", true)] {
+        let scene = scene::load(&made_up.path(""), &options(&["--up", given]).unwrap()).unwrap();
+        assert_eq!(scene.warnings.iter().any(|text| text.contains("upside down")), is_told, "{given}");
+    }
     assert_eq!(load(&made_up, &["--render-views", "4"]).unwrap(), (z, UpSource::Assumed));
     // Blender's file gives an angle of view and no focal length; there, z is up.
     let focal = made_up.transforms["fl_x"].take();

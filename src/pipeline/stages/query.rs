@@ -17,7 +17,7 @@ use crate::query::{
     Outcome, PartQuestion, Preview, Purpose, QueryError, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
     materials_in_words,
 };
-use crate::scene::{ScaleChoice, Scene, View};
+use crate::scene::{ObjectChoice, ScaleChoice, Scene, View};
 use crate::segment::LabelMap;
 use crate::units::{MetricScale, Range};
 use crate::words::output::{agreeing, counted};
@@ -31,6 +31,7 @@ use super::scene;
 use super::subjects::FoundSubjects;
 use super::{Done, Job, OpenScene, Row, Stage, Stored, shared_scale};
 use crate::pictures::framing;
+use crate::pipeline::OBJECT;
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::query::session::{
     self, Answered, Folders, QuerySession, QueryView, Subjects, WholeViews, whole_sheet, write_sheets,
@@ -139,7 +140,14 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
 /// The error, with commands that name the scene if it names any.
 fn about_scene(error: Error, open: &OpenScene) -> Error {
     match error.downcast::<QueryError>() {
-        Ok(missing) => missing.about(&shell::path(&open.path)).into(),
+        Ok(missing) => {
+            let scene = shell::path(&open.path);
+            let typed = match open.options.scene.object {
+                ObjectChoice::One(number) => format!("{scene} --{OBJECT} {number}"),
+                ObjectChoice::Auto | ObjectChoice::All => scene,
+            };
+            missing.about(&typed).into()
+        }
         Err(other) => other,
     }
 }
@@ -267,7 +275,11 @@ pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'
 pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
     let view = |view: &'a View| Ok(QueryView { name: &view.name, photo: open.photo(view)?, maps: Vec::new() });
     let views = open.views.iter().map(view).collect::<Result<_>>()?;
-    let whole = WholeViews { direct: sides_of_guess(open, fullest_view(open)), outer_size: outer_size(open)?, ..WholeViews::default() };
+    let whole = WholeViews {
+        direct: sides_of_guess(open, fullest_view(open)),
+        outer_size: outer_size(open)?,
+        ..WholeViews::default()
+    };
     let subjects =
         Subjects { views, subjects: Vec::new(), ask_views: 1, about: AskAbout::Object, whole, regions: Vec::new() };
     asking(open, &open.options.query, subjects)

@@ -355,7 +355,7 @@ impl fmt::Display for SetAside {
             f,
             "set aside {count} of {of} Gaussians, {} too large or too far away to belong to the object: {} neither drawn nor \
              weighed, and field.ply keeps {}. The first is Gaussian {first} (counted from 0) at \
-             {:.3},{:.3},{:.3}, {} times the object's size beyond the rest",
+             {:.3},{:.3},{:.3}, and reaches {} times the object's size beyond the rest",
             agreeing(*count, "a stray,", "strays,"),
             agreeing(*count, "it is", "they are"),
             agreeing(*count, "it", "them"),

@@ -16,6 +16,8 @@ pub(super) mod cameras;
 pub(super) mod choice;
 pub(super) mod turn;
 
+use std::f64::consts::FRAC_PI_2;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use serde::Serialize;
 
@@ -142,6 +144,18 @@ pub(super) fn doubt(up: &Up, cameras: Option<&Vector3<f64>>) -> Option<String> {
         vector(&up.direction),
         vector(&suggested.into()),
         angle.to_degrees()
+    ))
+}
+
+/// What is said if the given direction would turn the photos upside down.
+pub(super) fn upside_down(up: &Up, cameras: Option<&Vector3<f64>>) -> Option<String> {
+    let angle = up.angle_to_cameras.filter(|angle| *angle > FRAC_PI_2 && up.source == UpSource::Given)?;
+    Some(format!(
+        "--up {} is {:.0} degrees from what the cameras suggest ({}): the photos would be upside down; leave --up out unless this \
+         is so",
+        vector(&up.direction),
+        angle.to_degrees(),
+        vector(&(*cameras?).into())
     ))
 }
 
