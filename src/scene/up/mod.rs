@@ -151,8 +151,8 @@ pub(super) fn doubt(up: &Up, cameras: Option<&Vector3<f64>>) -> Option<String> {
 pub(super) fn upside_down(up: &Up, cameras: Option<&Vector3<f64>>) -> Option<String> {
     let angle = up.angle_to_cameras.filter(|angle| *angle > FRAC_PI_2 && up.source == UpSource::Given)?;
     Some(format!(
-        "--up {} is {:.0} degrees from what the cameras suggest ({}): the photos would be upside down; leave --up out unless this \
-         is so",
+        "--up {} is {:.0} degrees from {}, which the cameras suggest: the photos would be upside down; leave --up out unless this is \
+         so",
         vector(&up.direction),
         angle.to_degrees(),
         vector(&(*cameras?).into())
