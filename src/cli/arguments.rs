@@ -61,6 +61,8 @@ pub struct Global {
 pub struct StageFlags {
     /// Those that were typed.
     pub typed: Vec<OsString>,
+    /// Whether the command goes on from the last run.
+    pub goes_on: bool,
     /// Those of the last run that are used because they were not typed again.
     pub of_last_run: Vec<OsString>,
     /// All: those of the preset, of the configuration files, of the last run, and typed.

@@ -35,7 +35,7 @@ pub fn run(global: &Global, args: &RunArgs) -> Result<()> {
     let links = prepared.gather()?;
     if args.for_python.is_some() {
         print_works(prepared.works())?;
-    } else if !global.quiet || global.json {
+    } else if global.prints_summary() {
         print(global, &links, || links.table())?;
     }
     Ok(summary.require_all()?)

@@ -57,7 +57,7 @@ const LONGEST_FLAG: usize = 128 * 1024;
 const MOST_SHOWN: usize = 250;
 
 /// The last stage that a command may run on the work folder of a scene, if it goes on from the last run.
-fn going_on(command: &str, matches: &ArgMatches) -> Option<Stage> {
+pub fn going_on(command: &str, matches: &ArgMatches) -> Option<Stage> {
     let is_given = |name: &str| matches.try_get_one::<bool>(name).ok().flatten() == Some(&true);
     if is_given("fresh") || is_given("end_with_stdin") || matches.try_contains_id("for_python").unwrap_or(false) {
         return None;
@@ -205,7 +205,10 @@ pub fn tell(global: &Global) {
 
 /// Tells the user which options of an object's own last run, in the work folder `root`, all objects are run without.
 pub fn tell_left_out(global: &Global, number: ObjectNumber, root: &Path, to: Stage) {
-    let StageFlags { typed, of_last_run, .. } = &global.flags;
+    let StageFlags { typed, goes_on, of_last_run, .. } = &global.flags;
+    if !goes_on {
+        return;
+    }
     let is_left_out = |flag: &String| {
         let (flag, name) = (OsStr::new(flag), config::name_of(flag.as_ref()));
         name != OBJECT && !of_last_run.iter().any(|used| used == flag) && !is_replaced(name, flag, typed)

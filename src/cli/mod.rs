@@ -183,6 +183,7 @@ fn insert_flags(typed: &[OsString], user_file: Option<&Path>) -> Result<Inserted
     let (place, command, matches) = innermost(typed, matches);
     let known = known_flags();
     stages.typed = stage_flags(matches);
+    stages.goes_on = last_run::going_on(command.get_name(), matches).is_some();
     let scene = matches.try_get_one::<PathBuf>("scene").ok().flatten();
     let none = || Ok(config::FileFlags::default());
     let mut user = user_file.map_or_else(none, |path| config::flags_of_user(path, &known))?;
@@ -374,6 +375,11 @@ fn shown(path: &Path) -> String {
 }
 
 impl Global {
+    /// Whether a command prints a summary of what it did, or its JSON.
+    fn prints_summary(&self) -> bool {
+        self.json || !self.quiet
+    }
+
     fn progress(&self) -> Progress<'static> {
         self.show_progress().into()
     }

@@ -117,12 +117,10 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
         "{} on the surface; each is run by itself (--object N runs one, `gprop objects` shows them)",
         counted(found.count, "object")
     ));
-    if !work.last_run.fresh && run.for_python.is_none() {
-        for &number in &numbers {
-            // A folder that is not to be trusted is an error of that object's own run.
-            if let Ok(own) = work_folder_of(folder, work.out.as_deref(), ObjectChoice::One(number)) {
-                last_run::tell_left_out(global, number, &own, run.to);
-            }
+    for &number in &numbers {
+        // A folder that is not to be trusted is an error of that object's own run.
+        if let Ok(own) = work_folder_of(folder, work.out.as_deref(), ObjectChoice::One(number)) {
+            last_run::tell_left_out(global, number, &own, run.to);
         }
     }
     let each = |number: ObjectNumber| -> Result<Each> {
@@ -159,7 +157,7 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
     let page = shown(&root.join(Artifact::ObjectsPage.path()));
     if run.for_python.is_some() {
         print_works(objects.objects.iter().map(|object| (object.name.as_str(), root.join(&object.work))))?;
-    } else if global.json || !global.quiet {
+    } else if global.prints_summary() {
         print(global, &objects, || objects.text() + &page)?;
     }
     let failed = objects.objects.iter().filter(|object| object.error.is_some());

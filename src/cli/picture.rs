@@ -20,7 +20,7 @@ pub fn segment(global: &Global, args: &SceneArgs) -> Result<()> {
     }
     let picture = Picture::open(path, None, out, options, global.progress())?;
     let segments = picture.segments()?;
-    if global.quiet && !global.json {
+    if !global.prints_summary() {
         return Ok(());
     }
     let result = serde_json::json!({

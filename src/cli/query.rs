@@ -114,7 +114,7 @@ fn of_picture(global: &Global, args: &QueryArgs) -> Result<()> {
         Some(action) => run(global, &session, &action, &format!("gprop query {}", shell::path(path))),
         None => {
             let answers = picture.run()?;
-            if global.quiet && !global.json {
+            if !global.prints_summary() {
                 return Ok(());
             }
             print(global, &answers.all, || shown(&picture.work().path(Artifact::MaterialMap)))

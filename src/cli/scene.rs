@@ -67,7 +67,7 @@ fn carry_out(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simulat
     }
     let mut pipeline = open(global, folder, work, to, simulates)?;
     pipeline.run()?;
-    if global.quiet && !global.json {
+    if !global.prints_summary() {
         return Ok(());
     }
     if to == Stage::Report {

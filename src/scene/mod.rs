@@ -506,10 +506,9 @@ impl Capture {
         let splat = found.read_splat(&splat_path, options)?;
         let mut gaussians = splat.gaussians;
         found.masks(folder, &mut views, &gaussians, options)?;
-        let mut frame = found.frame(&gaussians, &views, &options.up)?;
+        let frame = found.frame(&gaussians, &views, &options.up)?;
         let as_read = up::turn::upright(&frame.up, &mut gaussians, &mut views);
         found.notes.extend(frame.up.note());
-        found.warnings.extend(frame.upside_down.take());
         Ok(Self { found, gaussians, views, as_read, frame })
     }
 }
@@ -532,8 +531,6 @@ struct Found {
 struct Frame {
     up: Up,
     doubt: Option<String>,
-    /// What is said if up was given and the cameras contradict it.
-    upside_down: Option<String>,
     support_in_world: Option<Plane>,
     surface_in_world: Option<SupportSurface>,
 }
@@ -616,7 +613,7 @@ impl Found {
     }
 
     /// Finds which way is up, and the support.
-    fn frame(&self, gaussians: &Gaussians, views: &[View], choice: &UpChoice) -> Result<Frame, SceneError> {
+    fn frame(&mut self, gaussians: &Gaussians, views: &[View], choice: &UpChoice) -> Result<Frame, SceneError> {
         let cameras = up::cameras::up(views);
         let may_have_support = !views.is_empty() && object::own_foreground(views)? == ForegroundSource::Whole;
         let focus =
@@ -625,10 +622,10 @@ impl Found {
         let surface = focus.zip(support).and_then(|(focus, support)| focus.support_surface(support));
         let evidence = up::Evidence { choice, z_by_convention: self.z_is_up, cameras, support: support.as_ref() };
         let up = up::find(&evidence);
+        self.warnings.extend(up::upside_down(&up, cameras.as_ref()));
         Ok(Frame {
             up,
             doubt: up::doubt(&up, cameras.as_ref()),
-            upside_down: up::upside_down(&up, cameras.as_ref()),
             support_in_world: support.map(|support| support.turned(&up.world_from_input())),
             surface_in_world: surface.map(|surface| surface.turned(&up.world_from_input())),
         })

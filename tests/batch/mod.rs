@@ -378,6 +378,9 @@ fn masses_of_a_data_set_are_scored_by_its_weights() {
     // What people are shown is scored, except in files of NeRF2Physics' form, which hold no middle.
     let all = scores(&["--data-set".as_ref(), home.as_ref()]);
     assert!(off(&all, mid) < 1e-12 && all["missing"] == json!(["ball-1"]), "{all}");
+    // So is a table whose objects were run one by one.
+    fs::create_dir_all(balls.scene(1).join("gprop/objects/object_2")).unwrap();
+    assert_eq!(scores(&["--data-set".as_ref(), home.as_ref()])["missing"], json!(["ball-1"]));
     let split = scores(&["--data-set".as_ref(), home.as_ref(), "--split".as_ref(), "test".as_ref()]);
     assert!(split["count"] == 1 && split.get("missing").is_none(), "{split}");
     let file = scores(&["--predictions".as_ref(), predictions.as_ref(), "--truth".as_ref(), weights.as_ref()]);

@@ -116,6 +116,10 @@ fn what_is_missing_is_said_with_the_command_that_makes_it() {
         refused(&output, &["there is no run.json", "gprop run", text(&scene)]);
     }
     assert!(everything(&scene) == before, "no work folder is made");
+    let object = scene.join("gprop/objects/object_2");
+    fs::create_dir_all(&object).unwrap();
+    refused(&mass(&balls, &[]), &["shows several objects", "--out", text(&object)]);
+    fs::remove_dir_all(scene.join("gprop")).unwrap();
     let out = balls.folder().with_file_name("out");
     refused(&mass(&balls, &["--out", text(&out)]), &["there is no run.json", "--out", text(&out)]);
     run(&balls, "segment", &[]);

@@ -87,7 +87,7 @@ pub fn evaluate_data_set(
         let work = out.map(|out| out.join(&entry.name));
         match StoredRun::open(&entry.folder, work.as_deref(), &[Stage::Parts]) {
             Ok(stored) => objects.push(masses::from_weight(&entry.name, &stored.path(Artifact::Parts), weight_kg)?),
-            Err(WorkDirError::Unfinished { .. }) => missing.push(entry.name.clone()),
+            Err(WorkDirError::Unfinished { .. } | WorkDirError::OfSeveral { .. }) => missing.push(entry.name.clone()),
             Err(error) => return Err(error.into()),
         }
     }
