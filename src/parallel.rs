@@ -6,8 +6,10 @@
 
 use std::cmp;
 use std::ops::Range;
+use std::panic::resume_unwind;
 use std::slice;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
 
 /// [`flat_map_range`] cuts its range into at most this many pieces: many times more than there are threads, so that all
 /// of them are busy to the end.
@@ -155,6 +157,38 @@ pub fn join<A: Send, B: Send>(one: impl FnOnce() -> A + Send, other: impl FnOnce
     (of_one.expect("it has run"), of_other.expect("it has run"))
 }
 
+/// Calls `work` with every item, up to `lanes` of them at the same time, each on a thread of its own outside of the pool. For
+/// long pieces of work that do most of what they do on the pool: while one has work for a single thread, another fills it.
+///
+/// # Errors
+/// That of the first item that has one. Once an item has failed, no others begin.
+pub fn side_by_side<T: Sync, E: Send>(
+    items: &[T],
+    lanes: usize,
+    work: impl Fn(&T) -> Result<(), E> + Sync,
+) -> Result<(), E> {
+    if lanes < 2 || items.len() < 2 {
+        return items.iter().try_for_each(work);
+    }
+    let (next, has_failed) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let lane = || -> Option<(usize, E)> {
+        while !has_failed.load(Ordering::Relaxed) {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            if let Err(error) = work(items.get(index)?) {
+                has_failed.store(true, Ordering::Relaxed);
+                return Some((index, error));
+            }
+        }
+        None
+    };
+    let failed = thread::scope(|scope| {
+        let lanes: Vec<_> = (0..lanes.min(items.len())).map(|_| scope.spawn(lane)).collect();
+        let ended = lanes.into_iter().map(|lane| lane.join().unwrap_or_else(|panic| resume_unwind(panic)));
+        ended.flatten().min_by_key(|(index, _)| *index)
+    });
+    failed.map_or(Ok(()), |(_, error)| Err(error))
+}
+
 /// Calls `task` with ranges that make up `0..count`, each index once: as many ranges as there are threads, and more
 /// where a thread has become idle.
 fn split(count: usize, task: &(dyn Fn(Range<usize>) + Sync)) {
@@ -214,6 +248,29 @@ mod tests {
                 assert_eq!(try_map(&items, fails), Err(299));
                 assert_eq!(try_map(&items[..299], fails).unwrap(), items[..299]);
             });
+        }
+    }
+
+    #[test]
+    fn pieces_of_work_side_by_side_overlap_and_the_first_error_ends_them() {
+        let (running, most) = (AtomicUsize::new(0), AtomicUsize::new(0));
+        let both = std::sync::Barrier::new(2);
+        let work = |_: &usize| {
+            most.fetch_max(running.fetch_add(1, Ordering::Relaxed) + 1, Ordering::Relaxed);
+            both.wait();
+            running.fetch_sub(1, Ordering::Relaxed);
+            Ok::<(), usize>(())
+        };
+        assert_eq!(side_by_side(&[0, 1, 2, 3], 2, work), Ok(()));
+        assert_eq!(most.into_inner(), 2);
+        for lanes in [1, 2, 9] {
+            let done = AtomicUsize::new(0);
+            let work = |item: &usize| {
+                done.fetch_add(1, Ordering::Relaxed);
+                if *item >= 3 { Err(*item) } else { Ok(()) }
+            };
+            assert_eq!(side_by_side(&[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], lanes, work), Err(3));
+            assert!((4..=4 + 8).contains(&done.into_inner()), "{lanes} lanes");
         }
     }
 

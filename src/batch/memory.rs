@@ -5,7 +5,6 @@ use sysinfo::{MemoryRefreshKind, Pid, ProcessRefreshKind, ProcessesToUpdate, Sys
 use crate::pipeline::Stage;
 
 use super::BatchError;
-use super::select::Selected;
 
 /// Bytes per GB, as disks and clusters count them.
 pub const GIGABYTE: f64 = 1e9;
@@ -50,11 +49,21 @@ fn free() -> Option<u64> {
     Some(group.map_or(free, |group| free.min(group.free_memory)))
 }
 
-/// Estimated memory in bytes that a scene needs up to a stage with this many threads. Stages run one after the other,
-/// so the needs of SAM and of the Gaussians do not add up.
-pub fn need(scene: &Selected, to: Stage, threads: usize) -> u64 {
+/// Bytes of a Gaussian as plain floats: 62 of 4 bytes.
+pub const GAUSSIAN_BYTES: u64 = 62 * 4;
+
+/// Estimated memory in bytes that a scene with this size of splat, as plain floats, needs up to a stage with this many
+/// threads. Stages run one after the other, so the needs of SAM and of the Gaussians do not add up.
+pub fn need(splat_bytes: u64, to: Stage, threads: usize) -> u64 {
     let sam = if to >= Stage::Segment { SAM_A_THREAD * threads as u64 } else { 0 };
-    BASE + sam.max(PER_SPLAT_BYTE * scene.splat_bytes)
+    BASE + sam.max(PER_SPLAT_BYTE * splat_bytes)
+}
+
+/// Whether so many runs up to a stage, each of a splat of this many Gaussians, fit into the memory that is free. False if
+/// the system does not say how much that is.
+pub fn holds(runs: u64, gaussians: usize, to: Stage, threads: usize) -> bool {
+    let need = need(gaussians as u64 * GAUSSIAN_BYTES, to, threads);
+    Budget::new(None).is_ok_and(|budget| runs * need <= budget.bytes)
 }
 
 /// Measures the memory that processes use.

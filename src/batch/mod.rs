@@ -49,6 +49,7 @@ pub use status::{Asked, tell_the_batch};
 pub use summary::Summary;
 
 use memory::Budget;
+pub(crate) use memory::holds as memory_holds;
 use scheduler::{Due, Scheduler};
 
 /// The folder for files about all scenes, inside the batch's output folder.
@@ -203,7 +204,7 @@ impl Batch {
 
     /// Estimated memory that a scene needs, in bytes.
     pub fn need(&self, scene: &Selected) -> u64 {
-        memory::need(scene, self.to, self.threads_a_scene())
+        memory::need(scene.splat_bytes, self.to, self.threads_a_scene())
     }
 
     /// Runs the open scenes of this shard; `tell` is called with each outcome as soon as the scene ends, and with how the

@@ -135,7 +135,7 @@ impl Scheduler {
     }
 
     fn waiting<'a>(&self, due: Due<'a>) -> Waiting<'a> {
-        Waiting { due, need: memory::need(due.scene, self.task.to, self.task.threads) }
+        Waiting { due, need: memory::need(due.scene.splat_bytes, self.task.to, self.task.threads) }
     }
 
     /// The outcome of a scene that has ended, or that is killed here because it took too long.

@@ -15,14 +15,12 @@ use crate::scene::mesh;
 use crate::words::output::{agreeing, counted};
 use crate::workdir;
 
+use super::memory::GAUSSIAN_BYTES;
 use super::shard::deal;
 use super::{BatchError, FOLDER, Options};
 
 /// Folders of a scene that a run writes into: their files do not count towards the scene's size.
 const WRITTEN: [&str; 2] = [workdir::DEFAULT_NAME, "recorded"];
-
-/// Bytes of a Gaussian as plain floats: 62 of 4 bytes.
-const GAUSSIAN_BYTES: u64 = 62 * 4;
 
 /// A scene of the batch.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,18 +1,22 @@
-//! `gprop objects`, and runs of captures that show several objects: one object after the other, each as a scene of its own.
+//! `gprop objects`, and runs of captures that show several objects, each as a scene of its own: two at a time if the machine allows it.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
+use crate::batch;
 use crate::config;
 use crate::error::{Context, Error, ErrorKind, Result, UsageError};
 use crate::exit;
 use crate::export::{self, Body, ExportError, Exported, Links, Origin, Table, compose};
 use crate::objects::{self, Objects, SomeFailed};
+use crate::parallel;
 use crate::parts::MassReading;
 use crate::pipeline::{OBJECT, Options, Stage, corrections_file, work_folder_of};
 use crate::scene::{ObjectChoice, ObjectNumber, Plane, ScaleChoice, SceneError, StandingObjects};
 use crate::words::output::counted;
+use crate::words::progress::about;
 use crate::workdir::{Artifact, WorkDir};
 
 use super::arguments::ForPython;
@@ -105,6 +109,30 @@ fn in_order(options: &Options, count: usize) -> Vec<ObjectNumber> {
     numbers
 }
 
+/// The most objects that are run at the same time: each has long pieces of work for all cores, and another one fills the gaps between
+/// these.
+const MOST_LANES: usize = 2;
+
+/// How many objects are run at the same time up to a stage. A program that follows the stages is shown one after the other.
+fn lanes(global: &Global, found: &StandingObjects, to: Stage) -> usize {
+    let threads = rayon::current_num_threads();
+    let fit = || batch::memory_holds(MOST_LANES as u64, found.gaussians.len(), to, threads);
+    if threads >= MOST_LANES && !global.for_mcp && fit() { MOST_LANES } else { 1 }
+}
+
+/// Does some work for every object, on so many lanes: at first, alone, for that from whose weight the scale of the others follows.
+fn for_each(
+    options: &Options,
+    numbers: &[ObjectNumber],
+    lanes: usize,
+    work: impl Fn(&ObjectNumber) -> Result<()> + Sync,
+) -> Result<()> {
+    let weighed = options.parts.known_mass.map_or(0, |_| 1);
+    let (weighed, others) = numbers.split_at(weighed);
+    weighed.iter().try_for_each(&work)?;
+    parallel::side_by_side(others, lanes, work)
+}
+
 /// Runs every object, and writes the list and the page of the capture after each.
 fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &StandingObjects) -> Result<()> {
     if !run.simulates {
@@ -131,29 +159,37 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
     }
     let root = work_folder_of(folder, work.out.as_deref(), ObjectChoice::All)?;
     let of_capture = WorkDir::open(&root)?;
-    let mut objects = Objects::look(found, &of_capture, global.progress())?;
+    let objects = Objects::look(found, &of_capture, global.progress())?;
     objects.write(&of_capture)?;
-    let mut errors: Vec<Option<String>> = vec![None; numbers.len()];
+    let lanes = lanes(global, found, run.to);
+    let standing = Mutex::new((objects, vec![None; numbers.len()]));
+    let standing_now = || standing.lock().unwrap_or_else(PoisonError::into_inner);
     for pass in passes(work, run) {
-        for &number in &numbers {
+        let one = |number: &ObjectNumber| -> Result<()> {
             let index = number.get() as usize - 1;
-            if errors[index].is_some() {
-                continue;
-            }
-            let Each { global: own, work } = each(number)?;
-            own.progress().line(&objects.objects[index].title());
-            if let Err(error) = run_object(&own, folder, &WorkArgs { from: pass.from, ..work }, pass.run) {
-                if ends_all(&error) {
-                    return Err(error);
-                }
+            let title = match &*standing_now() {
+                (_, errors) if errors[index].is_some() => return Ok(()),
+                (objects, _) => objects.objects[index].title(),
+            };
+            let Each { global: own, work } = each(*number)?;
+            own.progress().line(&title);
+            let run = || run_object(&own, folder, &WorkArgs { from: pass.from, ..work }, pass.run);
+            let failed = match about(&number.to_string(), run) {
+                Err(error) if ends_all(&error) => return Err(error),
+                ended => ended.err(),
+            };
+            let (objects, errors) = &mut *standing_now();
+            if let Some(error) = failed {
                 let text = exit::message(&error);
-                tracing::warn!("{}: {text}", objects.objects[index].title());
+                text.lines().for_each(|line| tracing::warn!("{title}: {line}"));
                 errors[index] = Some(text);
             }
-            objects.read_results(&root, &errors);
-            objects.write(&of_capture)?;
-        }
+            objects.read_results(&root, errors);
+            Ok(objects.write(&of_capture)?)
+        };
+        for_each(&work.options, &numbers, lanes, one)?;
     }
+    let (objects, _) = standing.into_inner().unwrap_or_else(PoisonError::into_inner);
     let page = shown(&root.join(Artifact::ObjectsPage.path()));
     if run.for_python.is_some() {
         print_works(objects.objects.iter().map(|object| (object.name.as_str(), root.join(&object.work))))?;
@@ -252,13 +288,18 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     let found = StandingObjects::find(args.scene(), &args.options.scene)?;
     found.require_any()?;
     refuse_options_of_one_object(args.scene(), &args.options, found.count)?;
-    let mut objects = BTreeMap::new();
-    for number in in_order(&args.options, found.count) {
-        let options = args.options.clone().of_object(args.scene(), number)?;
-        let own = for_object(global, number);
-        let exported = scene::export_one(&own, args, &options).with_context(|| number.to_string())?;
-        objects.insert(number, exported);
-    }
+    let objects = Mutex::new(BTreeMap::new());
+    let one = |number: &ObjectNumber| -> Result<()> {
+        let options = args.options.clone().of_object(args.scene(), *number)?;
+        let own = for_object(global, *number);
+        let export = || scene::export_one(&own, args, &options);
+        let exported = about(&number.to_string(), export).with_context(|| number.to_string())?;
+        objects.lock().unwrap_or_else(PoisonError::into_inner).insert(*number, exported);
+        Ok(())
+    };
+    let numbers = in_order(&args.options, found.count);
+    for_each(&args.options, &numbers, lanes(global, &found, Stage::Parts), one)?;
+    let objects = objects.into_inner().unwrap_or_else(PoisonError::into_inner);
     let objects: Vec<OfScene> = objects.into_values().collect();
     let inputs = objects.first().map_or_else(Vec::new, |object| object.inputs.clone());
     let mut exported = compose_all(&found, objects, formats.is_none(), args.out())?;

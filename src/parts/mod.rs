@@ -47,6 +47,7 @@ pub use belief::spread::together as belief_together;
 pub use belief::{Possibilities, Possible};
 pub(crate) use clean::without_floaters;
 use compose::of_mesh::OfMesh;
+use compose::sheet;
 use compose::thickness::{self, Chord};
 use compose::wire::{self, Wire};
 use compose::{Composed, Construction, Evidence};
@@ -189,7 +190,8 @@ pub fn parts<'a>(
     let is_solid: Vec<bool> = field.parts.iter().map(is_solid).collect();
     let wires = wire::wires(&cells, &is_solid, &chords, &silhouettes, inside.uncertainty);
     let thickness = thickness::thickness(&chords, labels.count);
-    let evidence = Evidence { uncertainty: inside.uncertainty, wires, mesh: None };
+    let sheets = sheet::Measured::nothing(cells.label.len());
+    let evidence = Evidence { uncertainty: inside.uncertainty, wires, sheets, mesh: None };
     weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, known.into(), options)
 }
 
@@ -225,7 +227,8 @@ pub fn parts_of_mesh<'a>(
     let of_cells = thickness::thickness(&chords, labels.count);
     let thickness = of_cells.into_iter().enumerate().map(|(label, of_cells)| of_mesh.thickness(label, of_cells));
     let thickness = thickness.collect();
-    let evidence = Evidence { uncertainty: 0.0, wires, mesh: Some(of_mesh) };
+    let sheets = sheet::Measured::nothing(cells.label.len());
+    let evidence = Evidence { uncertainty: 0.0, wires, sheets, mesh: Some(of_mesh) };
     let mut result =
         weigh(gaussians, field, Found { kept, cells, chords, thickness, evidence }, known.into(), options)?;
     result.warn(mesh.solid.doubts.iter().map(|doubt| format!("the mesh: {doubt}")));

@@ -1,6 +1,8 @@
 //! Progress on stderr: bars at a terminal, lines elsewhere, nothing if the user wants none. A stage is given a
 //! [`Progress`] and never prints itself.
 
+use std::borrow::Cow;
+use std::cell::RefCell;
 use std::fmt::{self, Write};
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -14,6 +16,11 @@ use crate::words::output;
 
 /// All bars of the process, one line each: several stages or threads may show one at the same time.
 static BARS: LazyLock<MultiProgress> = LazyLock::new(MultiProgress::new);
+
+thread_local! {
+    /// What the lines and bars of this thread are about, if that has to be said.
+    static SUBJECT: RefCell<Option<String>> = const { RefCell::new(None) };
+}
 
 /// Interval between log lines about a wait that has not ended.
 const REMINDER: Duration = Duration::from_secs(30);
@@ -209,7 +216,10 @@ impl<'a> Progress<'a> {
             .expect("the template is a constant")
             .with_key("left", TimeLeft::default())
             .progress_chars("=> ");
-        let bar = BARS.add(ProgressBar::new(length)).with_prefix(title(self.stage, what)).with_style(style);
+        let bar = BARS
+            .add(ProgressBar::new(length))
+            .with_prefix(marked(&title(self.stage, what)).into_owned())
+            .with_style(style);
         bar.enable_steady_tick(Duration::from_millis(200));
         bar
     }
@@ -266,6 +276,28 @@ impl<'a> Progress<'a> {
 
 /// The length of a [`Progress::share_bar`].
 pub const WHOLE: u64 = 1000;
+
+/// Does some work of which every line and bar, the warnings included, says that it is about `subject`: for pieces of work
+/// that are done side by side. Only what this thread shows is marked, not what others do for it.
+pub fn about<T>(subject: &str, work: impl FnOnce() -> T) -> T {
+    /// Puts back what was there, also after a panic.
+    struct Before(Option<String>);
+    impl Drop for Before {
+        fn drop(&mut self) {
+            SUBJECT.set(self.0.take());
+        }
+    }
+    let _before = Before(SUBJECT.replace(Some(subject.to_owned())));
+    work()
+}
+
+/// `text` with what it is about.
+fn marked(text: &str) -> Cow<'_, str> {
+    SUBJECT.with_borrow(|subject| match subject {
+        Some(subject) => Cow::Owned(format!("{subject}: {}", text.trim_start())),
+        None => Cow::Borrowed(text),
+    })
+}
 
 /// The name of a stage or a piece of work, with the stage's number if it has one.
 fn title(stage: Option<StageNumber>, what: &str) -> String {
@@ -401,7 +433,8 @@ pub const NOTICE: &str = "gprop::notice";
 
 /// Prints one line on stderr, above the bars.
 fn show(text: &str) {
-    BARS.suspend(|| output::tell(&output::one_line(text)));
+    let text = marked(text);
+    BARS.suspend(|| output::tell(&output::one_line(&text)));
 }
 
 /// The log: one line on stderr per event, above the bars.
@@ -427,6 +460,16 @@ mod tests {
     fn the_title_says_which_stage_of_how_many() {
         assert_eq!(title(Some(StageNumber { number: 3, of: 9 }), "consensus"), "stage 3 of 9  consensus");
         assert_eq!(title(None, "inspect"), "inspect  ");
+    }
+
+    #[test]
+    fn what_is_shown_says_what_it_is_about() {
+        assert_eq!(marked(" WARN wet"), " WARN wet");
+        let within =
+            about("object_2", || (marked(" WARN wet").into_owned(), std::thread::spawn(|| marked("dry")).join()));
+        assert_eq!((within.0.as_str(), within.1.unwrap().as_ref()), ("object_2: WARN wet", "dry"));
+        assert!(std::panic::catch_unwind(|| about("object_3", || panic!("on purpose"))).is_err());
+        assert_eq!(marked("dry"), "dry");
     }
 
     #[test]

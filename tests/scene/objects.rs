@@ -681,6 +681,7 @@ fn a_run_takes_all_objects_and_one_that_fails_does_not_stop_the_others() {
     for (number, object) in [(BRICK, "object_1"), (CUP, "object_2")] {
         let count = table.thing_of.iter().filter(|thing| **thing == number).count();
         assert_eq!(table.views_of(object)["gaussians"], count);
+        assert!(error.contains(&format!("{object}: stage 1 of 1  scene")), "{error}");
     }
     // One object by itself goes on in the same folder, all go on together.
     for (object, states) in [("2", "scene     done"), ("auto", "object_1\nscene     done\n\nobject_2\nscene     done")]

@@ -15,7 +15,7 @@ mod contact;
 mod cores;
 mod mirror;
 pub mod of_mesh;
-mod sheet;
+pub mod sheet;
 mod spread;
 pub mod thickness;
 mod unseen;
@@ -70,6 +70,8 @@ pub struct Evidence {
     pub uncertainty: f64,
     /// Per cell, the share of it that is material, if that was measured.
     pub wires: Vec<Wire>,
+    /// Of the cells before one part goes through another.
+    pub sheets: sheet::Measured,
     /// What the mesh says, if the object is one.
     pub mesh: Option<OfMesh>,
 }
@@ -106,7 +108,7 @@ pub fn compose(
     chords: &[Option<Chord>],
     evidence: &Evidence,
 ) -> (Composed, Labelled) {
-    let Evidence { uncertainty, wires, mesh } = evidence;
+    let Evidence { uncertainty, wires, sheets, mesh } = evidence;
     let is_solid: Vec<bool> = constructions.iter().map(|c| *c == Construction::Solid).collect();
     let passages = cores::run_through(&mut cells, &is_solid, wires);
     let mut doubt = vec![Doubt::None; cells.label.len()];
@@ -124,7 +126,8 @@ pub fn compose(
         let soft = wall + SHEET_SLACK * uncertainty;
         chords[s].filter(|chord| chord.seen && chord.length <= soft).map(|chord| chord.length)
     };
-    let walls = WallDepths::of(&cells, |l| !is_solid[l as usize], sheet);
+    let other = (!passages.is_empty()).then(|| sheet::Measured::nothing(cells.label.len()));
+    let walls = WallDepths::of(&cells, |l| !is_solid[l as usize], sheet, other.as_ref().unwrap_or(sheets));
     let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
     let is_material = |i: usize| doubt[i] < Doubt::Strong;
     let mut cores = cores::cores(&cells, &is_solid, is_void, is_material);

@@ -42,8 +42,13 @@ pub struct WallDepths {
 
 impl WallDepths {
     /// Computes the depths in the cells of labels for which `is_shell` is true; they are infinite elsewhere. `sheet`
-    /// gives, for a surface cell, the length of the ray through it if its wall is a sheet.
-    pub fn of(cells: &Labelled, is_shell: impl Fn(u32) -> bool + Sync, sheet: impl Fn(usize) -> Option<f64>) -> Self {
+    /// gives, for a surface cell, the length of the ray through it if its wall is a sheet; `measured` is of these cells.
+    pub fn of(
+        cells: &Labelled,
+        is_shell: impl Fn(u32) -> bool + Sync,
+        sheet: impl Fn(usize) -> Option<f64>,
+        measured: &sheet::Measured,
+    ) -> Self {
         let mask: Vec<bool> = cells.label.iter().map(|&l| l != NONE && is_shell(l)).collect();
         let surface = &cells.surface;
         let (mut seen, mut unseen, mut seam) = (Seeds::default(), Seeds::default(), Seeds::default());
@@ -69,7 +74,7 @@ impl WallDepths {
             NONE => None,
             seed => Some(f64::from(sheets[seed as usize])).filter(|ray| f64::from(seen[i]) <= *ray && *ray > 0.0),
         };
-        let sheet = sheet::thickness(cells, ray);
+        let sheet = measured.thickness(cells, ray);
         Self { seen, unseen: unseen.depths(cells, &mask).0, seam: seam.depths(cells, &mask).0, sheet }
     }
 

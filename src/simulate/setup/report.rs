@@ -11,6 +11,7 @@ use crate::simulate::material::Softened;
 use crate::simulate::report::{FilledReport, RigidReport, SimulationReport, StepReport};
 use crate::simulate::rigid::choice::{Choice, Load};
 use crate::words::output::{agreeing, counted};
+use crate::words::readable::significant;
 
 /// The report of what `start` leads to; the first `carried` parcels are Gaussians.
 pub(super) fn before_run(
@@ -105,8 +106,9 @@ fn warnings(input: &Input, longest_m: f64, assumed_full: &[u32], strays: usize) 
     let mut warnings = Vec::new();
     if input.meters_per_unit.is_none() {
         warnings.push(format!(
-            "the scale is unknown: the simulation takes the longest side to be {longest_m} m; give --scale or \
-             --known-mass to simulate it at its true size"
+            "the scale is unknown: the simulation takes the longest side to be {} m; give --scale or \
+             --known-mass to simulate it at its true size",
+            significant(longest_m)
         ));
     }
     if !assumed_full.is_empty() {
