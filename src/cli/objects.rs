@@ -113,11 +113,13 @@ fn in_order(options: &Options, count: usize) -> Vec<ObjectNumber> {
 /// these.
 const MOST_LANES: usize = 2;
 
-/// How many objects are run at the same time up to a stage. A program that follows the stages is shown one after the other.
-fn lanes(global: &Global, found: &StandingObjects, to: Stage) -> usize {
+/// How many objects are run at the same time up to a stage: no more than may ask a server at the same time. A program that follows the
+/// stages is shown one after the other.
+fn lanes(global: &Global, found: &StandingObjects, options: &Options, to: Stage) -> usize {
     let threads = rayon::current_num_threads();
     let fit = || batch::memory_holds(MOST_LANES as u64, found.gaussians.len(), to, threads);
-    if threads >= MOST_LANES && !global.for_mcp && fit() { MOST_LANES } else { 1 }
+    let at_once = threads.min(options.query.lmm_parallel);
+    if at_once >= MOST_LANES && !global.for_mcp && fit() { MOST_LANES } else { 1 }
 }
 
 /// Does some work for every object, on so many lanes: at first, alone, for that from whose weight the scale of the others follows.
@@ -151,8 +153,10 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
             last_run::tell_left_out(global, number, &own, run.to);
         }
     }
+    let lanes = lanes(global, found, &work.options, run.to);
     let each = |number: ObjectNumber| -> Result<Each> {
-        Ok(Each { global: for_object(global, number), work: share(folder, work, number, found.count)? })
+        let options = share(work.options.clone().of_object(folder, number)?, found.count, lanes);
+        Ok(Each { global: for_object(global, number), work: WorkArgs { options, ..work.clone() } })
     };
     if work.dry_run {
         return dry_run_all(global, folder, run, &numbers, each);
@@ -161,7 +165,6 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
     let of_capture = WorkDir::open(&root)?;
     let objects = Objects::look(found, &of_capture, global.progress())?;
     objects.write(&of_capture)?;
-    let lanes = lanes(global, found, run.to);
     let standing = Mutex::new((objects, vec![None; numbers.len()]));
     let standing_now = || standing.lock().unwrap_or_else(PoisonError::into_inner);
     for pass in passes(work, run) {
@@ -252,11 +255,11 @@ fn ends_all(error: &Error) -> bool {
     matches!(error.kind(), ErrorKind::Model | ErrorKind::Cancelled)
 }
 
-/// The options for one object: the budget is shared out among all.
-fn share(folder: &Path, work: &WorkArgs, number: ObjectNumber, count: usize) -> Result<WorkArgs> {
-    let mut work = WorkArgs { options: work.options.clone().of_object(folder, number)?, ..work.clone() };
-    work.options.query.max_usd = work.options.query.max_usd.map(|usd| usd / count as f64);
-    Ok(work)
+/// The options for one of `count` objects, among which the budget is shared out, as parallel requests are among the lanes.
+fn share(mut options: Options, count: usize, lanes: usize) -> Options {
+    options.query.max_usd = options.query.max_usd.map(|usd| usd / count as f64);
+    options.query.lmm_parallel /= lanes;
+    options
 }
 
 /// The flags as if the user had chosen this object: later commands on its work folder go on from them.
@@ -289,8 +292,9 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
     found.require_any()?;
     refuse_options_of_one_object(args.scene(), &args.options, found.count)?;
     let objects = Mutex::new(BTreeMap::new());
+    let lanes = lanes(global, &found, &args.options, Stage::Parts);
     let one = |number: &ObjectNumber| -> Result<()> {
-        let options = args.options.clone().of_object(args.scene(), *number)?;
+        let options = share(args.options.clone().of_object(args.scene(), *number)?, found.count, lanes);
         let own = for_object(global, *number);
         let export = || scene::export_one(&own, args, &options);
         let exported = about(&number.to_string(), export).with_context(|| number.to_string())?;
@@ -298,7 +302,7 @@ pub fn export_all(global: &Global, args: &ExportArgs) -> Result<()> {
         Ok(())
     };
     let numbers = in_order(&args.options, found.count);
-    for_each(&args.options, &numbers, lanes(global, &found, Stage::Parts), one)?;
+    for_each(&args.options, &numbers, lanes, one)?;
     let objects = objects.into_inner().unwrap_or_else(PoisonError::into_inner);
     let objects: Vec<OfScene> = objects.into_values().collect();
     let inputs = objects.first().map_or_else(Vec::new, |object| object.inputs.clone());

@@ -90,7 +90,12 @@ pub struct Support {
 
 /// Some objects of a capture could not be run.
 #[derive(Debug, thiserror::Error)]
-#[error("{} of {count} objects failed: {}; the others are done, and the same command tries again", failed.len(), failed.join(", "))]
+#[error(
+    "{} of {count} objects failed: {}; {}the same command tries again",
+    failed.len(),
+    failed.join(", "),
+    if failed.len() < *count { "the others are done, and " } else { "" }
+)]
 pub struct SomeFailed {
     pub count: usize,
     /// Their names.
