@@ -188,7 +188,7 @@ fn run_all(global: &Global, folder: &Path, work: &WorkArgs, run: Run, found: &St
                 errors[index] = Some(text);
             }
             objects.read_results(&root, errors);
-            Ok(objects.write(&of_capture)?)
+            objects.write(&of_capture)
         };
         for_each(&work.options, &numbers, lanes, one)?;
     }

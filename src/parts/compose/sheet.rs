@@ -70,8 +70,8 @@ mod tests {
             Surface { cells: vec![], points: vec![], normals: vec![], areas: vec![], depth: vec![], nearest: vec![] };
         let cells = Labelled { grid, surface, label, seen: vec![] };
         let measured = Measured::nothing(cells.label.len());
-        let near = |i: usize| (i % 3 != 0).then_some(1.0);
-        let far = |i: usize| (i % 2 != 0).then_some(3.0);
+        let near = |i: usize| (!i.is_multiple_of(3)).then_some(1.0);
+        let far = |i: usize| (!i.is_multiple_of(2)).then_some(3.0);
         // The second time each is known; the third time, some are known for another reach, and some not at all.
         for ray in [&near as &(dyn Fn(usize) -> Option<f64> + Sync), &near, &far, &near] {
             let fresh = Measured::nothing(cells.label.len()).thickness(&cells, ray);
