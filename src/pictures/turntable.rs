@@ -3,7 +3,7 @@
 use image::{DynamicImage, GenericImage, Rgb, RgbImage};
 
 use super::figure::{Shown, ShownObject};
-use super::panels::{self, Entry};
+use super::panels::{self, Entry, Key};
 use super::property::Property;
 use super::{field_colors, legends};
 use crate::camera::Camera;
@@ -21,6 +21,8 @@ const ELEVATION_RAD: f64 = 22.0 * std::f64::consts::PI / 180.0;
 const BEYOND: f64 = 0.03;
 /// Largest share of a cell's width that its legend takes if it is beside the picture.
 const LEGEND_SHARE: f64 = 0.5;
+/// Largest share of a cell's height that its legend takes if it is below the picture.
+const LEGEND_BELOW: f64 = 0.5;
 
 /// The film of a turn.
 pub struct Turntable<'a> {
@@ -47,7 +49,7 @@ struct Layout {
     text_px: u32,
     /// Whether the legend is beside the picture; otherwise it is below.
     beside: bool,
-    /// Lines of the longest legend.
+    /// Lines of the longest legend, as far as there is room.
     lines: u32,
     /// Width of the widest legend.
     widest: u32,
@@ -133,7 +135,8 @@ impl Layout {
         let lines = panels.iter().map(|panel| panel.legend.len() as u32).max().unwrap_or(0);
         let entries = panels.iter().flat_map(|panel| &panel.legend);
         let widest = entries.map(|entry| panels::entry_width(entry, text_px)).max().unwrap_or(0);
-        Self { size, columns, rows, text_px, beside: rows > 1, lines, widest }
+        let layout = Self { size, columns, rows, text_px, beside: rows > 1, lines, widest };
+        Self { lines: lines.min(layout.room()), ..layout }
     }
 
     fn cell(&self) -> (u32, u32) {
@@ -155,6 +158,17 @@ impl Layout {
     /// Height above the legend or the picture.
     fn head(&self) -> u32 {
         self.margin() / 2 + self.title().height()
+    }
+
+    /// The number of lines for which a cell has room.
+    fn room(&self) -> u32 {
+        let (_, height) = self.cell();
+        let left = if self.beside {
+            height.saturating_sub(self.head() + self.margin())
+        } else {
+            (LEGEND_BELOW * f64::from(height)) as u32
+        };
+        left / self.line_height()
     }
 
     fn legend_width(&self) -> u32 {
@@ -196,7 +210,8 @@ impl Layout {
             let x = x + self.margin();
             self.title().write(&mut sheet, panel.title, (x as i32, (y + self.margin() / 2) as i32));
             let top = y + self.head() + if self.beside { self.margin() / 2 } else { self.picture().height };
-            for (row, entry) in (0..).zip(&panel.legend) {
+            let (shown, left_out) = fitting(&panel.legend, self.lines);
+            for (row, entry) in (0..).zip(shown.iter().chain(&left_out)) {
                 let at = (x, top + row * self.line_height());
                 panels::write_entry(&mut sheet, entry, at, self.legend_width(), self.text_px);
             }
@@ -205,9 +220,39 @@ impl Layout {
     }
 }
 
+/// The entries of a legend that fit into so many lines, and the line that says how many do not.
+fn fitting(legend: &[Entry], lines: u32) -> (&[Entry], Option<Entry>) {
+    if legend.len() <= lines as usize {
+        return (legend, None);
+    }
+    let shown = lines.saturating_sub(1) as usize;
+    let left_out = Entry { text: format!("and {} more", legend.len() - shown), key: Key::None };
+    (&legend[..shown], (lines > 0).then_some(left_out))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_long_legend_stays_in_its_cell_and_says_how_much_it_leaves_out() {
+        let entry = |n: u32| Entry { text: format!("part {n}"), key: Key::Number(PAPER, n) };
+        for (rows, columns) in [(2, 2), (1, 4)] {
+            let panels: Vec<Panel> = [3, 40, 0, 5]
+                .map(|count| Panel { title: "Parts", colors: None, legend: (1..=count).map(entry).collect() })
+                .into();
+            let layout = Layout::new(Size { width: 1280, height: 720 }, columns, rows, &panels);
+            let (_, height) = layout.cell();
+            let beside = layout.head() + layout.margin() / 2;
+            let top = if layout.beside { beside } else { layout.head() + layout.picture().height };
+            assert!(top + layout.lines * layout.line_height() <= height, "{rows} rows");
+            assert!(layout.beside || layout.picture().height > height / 3, "{rows} rows");
+            let (shown, left_out) = fitting(&panels[1].legend, layout.lines);
+            assert_eq!(shown.len() as u32 + 1, layout.lines);
+            assert_eq!(left_out.unwrap().text, format!("and {} more", 40 - shown.len()));
+            assert!(fitting(&panels[3].legend, layout.lines).1.is_none());
+        }
+    }
 
     #[test]
     fn the_narrowest_film_has_no_room_for_legends() {
