@@ -126,8 +126,10 @@ pub fn compose(
         let soft = wall + SHEET_SLACK * uncertainty;
         chords[s].filter(|chord| chord.seen && chord.length <= soft).map(|chord| chord.length)
     };
-    let other = (!passages.is_empty()).then(|| sheet::Measured::nothing(cells.label.len()));
-    let walls = WallDepths::of(&cells, |l| !is_solid[l as usize], sheet, other.as_ref().unwrap_or(sheets));
+    // Where a part goes through another, the cells are no longer those that were measured.
+    let of_passages = (!passages.is_empty()).then(|| sheet::Measured::nothing(cells.label.len()));
+    let measured = of_passages.as_ref().unwrap_or(sheets);
+    let walls = WallDepths::of(&cells, |l| !is_solid[l as usize], sheet, measured);
     let is_void = |i: usize| f64::from(walls.seen[i]) > wall_of(cells.label[i]).mid;
     let is_material = |i: usize| doubt[i] < Doubt::Strong;
     let mut cores = cores::cores(&cells, &is_solid, is_void, is_material);
