@@ -135,6 +135,7 @@ pub mod pipeline;
 #[doc(hidden)]
 pub mod query;
 #[doc(hidden)]
+pub mod refine;
 pub mod render;
 #[doc(hidden)]
 pub mod report;

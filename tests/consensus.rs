@@ -331,7 +331,8 @@ fn shown(
     let views: Vec<_> = views.map(|(camera, segments)| SegmentedView { camera, cloud: gaussians, segments }).collect();
     let masks: Vec<_> = views.iter().map(|view| part_masks(&parts, view)).collect();
     let sharp = vec![vec![1.0; 192 * 144]; cameras.len()];
-    let best = best_views(gaussians, &parts, &cameras.iter().collect::<Vec<_>>(), &masks, &sharp);
+    let maps: Vec<_> = masks.iter().map(|masks| &masks.map).collect();
+    let best = best_views(gaussians, &parts, &cameras.iter().collect::<Vec<_>>(), &maps, &sharp);
     (parts, masks, best)
 }
 
@@ -412,7 +413,8 @@ fn a_view_that_is_far_away_or_blurred_is_asked_about_later() {
     assert_eq!(best[board].last().map(|shown| shown.view), Some(2), "{best:?}");
     let mut sharp = vec![vec![1.0; 192 * 144]; 4];
     sharp[0].fill(0.1);
-    let ordered = best_views(&gaussians, &parts, &cameras.iter().collect::<Vec<_>>(), &masks, &sharp);
+    let maps: Vec<_> = masks.iter().map(|masks| &masks.map).collect();
+    let ordered = best_views(&gaussians, &parts, &cameras.iter().collect::<Vec<_>>(), &maps, &sharp);
     assert!(ordered[board][0].view != 0, "{ordered:?}");
 }
 

@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypedDict, Union
 Path = Union[str, os.PathLike[str]]
 
 #: Of the files in a work folder.
-FORMAT_VERSION = 13
+FORMAT_VERSION = 14
 
 
 class Options(TypedDict, total=False):
@@ -144,10 +144,10 @@ class StageOptions(Options, total=False):
 class RunOptions(StageOptions, total=False):
     """Options of `gprop run`."""
 
-    to: Annotated[Literal["scene", "segment", "consensus", "query", "vote", "parts", "simulate", "grasp", "report"], "Last stage to run; the stages that it needs are run first [default: report] [possible values: scene, segment, consensus, query, vote, parts, simulate, grasp, report]"]
+    to: Annotated[Literal["scene", "segment", "consensus", "recognise", "refine", "query", "vote", "parts", "simulate", "grasp", "report"], "Last stage to run; the stages that it needs are run first [default: report] [possible values: scene, segment, consensus, recognise, refine, query, vote, parts, simulate, grasp, report]"]
     no_simulate: Annotated[bool, "Leave out the simulation and its film"]
     out: Annotated[Path, "Work folder [default: SCENE/gprop, or mug.gprop beside mug.glb]"]
-    from_: Annotated[Literal["scene", "segment", "consensus", "query", "vote", "parts", "simulate", "grasp", "report"], "Run this stage and those after it again, even if an earlier run did them [possible values: scene, segment, consensus, query, vote, parts, simulate, grasp, report]"]
+    from_: Annotated[Literal["scene", "segment", "consensus", "recognise", "refine", "query", "vote", "parts", "simulate", "grasp", "report"], "Run this stage and those after it again, even if an earlier run did them [possible values: scene, segment, consensus, recognise, refine, query, vote, parts, simulate, grasp, report]"]
     fresh: Annotated[bool, "Start with the defaults and gprop.toml, not with the last run's options"]
 
 

@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use crate::error::Result;
 use crate::files::json;
 use crate::files::write;
-use crate::pipeline::stages::query::session_of;
+use crate::pipeline::stages::questions::session_of;
 use crate::pipeline::stages::subjects::FoundSubjects;
 use crate::pipeline::{self, Pipeline, Plan, Stage};
 use crate::query::ask::asker::Asker;

@@ -10,7 +10,7 @@ use crate::consensus::AskAbout;
 use crate::error::{ErrorKind, Result, UsageError};
 use crate::local_server::{Event, LocalServer, Post, Site};
 use crate::materials::MaterialLibrary;
-use crate::pipeline::stages::query::session_of;
+use crate::pipeline::stages::questions::session_of;
 use crate::pipeline::stages::subjects::FoundSubjects;
 use crate::pipeline::{Options, Pipeline, Stage};
 use crate::query::AnswerSource;

@@ -9,8 +9,10 @@ use crate::consensus::AskAbout;
 use crate::error::{Error, Result};
 use crate::grasp::GraspReport;
 use crate::parts::PartsError;
+use crate::pipeline::stages::recognise::AnswerAboutWhole;
+use crate::pipeline::stages::refine::{LookedFor, RefinedFile};
 use crate::pipeline::{Pipeline, Stage, stages};
-use crate::query::{Answers, Outcome};
+use crate::query::{Answers, Hypothesis, Outcome, Recognition};
 use crate::report::{claim_line, grasp_line, mass_line, misfit_line, part_lines, provisional_line, size_line};
 use crate::segment::Segmentation;
 use crate::simulate::SimulationReport;
@@ -33,6 +35,8 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
             return Ok(misfit + "no parts: the model is asked about segments");
         }
         Stage::Consensus => parts_of_views(&pipeline.opened().work.read_json(Artifact::FoundParts)?),
+        Stage::Recognise => recognition(pipeline.opened().get::<AnswerAboutWhole>()?.known()),
+        Stage::Refine => looked_for(&pipeline.opened().get::<RefinedFile>()?.looked_for),
         Stage::Query => answers(pipeline.answers()?.as_ref()),
         Stage::Vote => materials(pipeline.field()?.as_ref()),
         Stage::Parts => {
@@ -59,6 +63,26 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
 }
 
 /// That masses and what follows from them are provisional, if answers are missing.
+/// What the object is taken for.
+fn recognition(known: Option<&Recognition>) -> String {
+    let Some(known) = known else { return "the model is not asked what the object is\n".to_owned() };
+    let hypothesis = |of: &Hypothesis| format!("  {} % {}\n", (100.0 * of.probability).round(), one_line(&of.what));
+    let hypotheses: String = known.hypotheses.iter().map(hypothesis).collect();
+    format!("{}\n{hypotheses}", one_line(&known.object))
+}
+
+/// The things without a number that were looked for in the photos.
+fn looked_for(things: &[LookedFor]) -> String {
+    if things.is_empty() {
+        return "nothing without a number to look for\n".to_owned();
+    }
+    let line = |LookedFor { what, id, .. }: &LookedFor| match id {
+        Some(id) => format!("part {id}: {}\n", one_line(what)),
+        None => format!("not found: {}\n", one_line(what)),
+    };
+    things.iter().map(line).collect()
+}
+
 fn open_questions(pipeline: &Pipeline, stage: Stage) -> Result<String> {
     if stage < Stage::Parts {
         return Ok(String::new());

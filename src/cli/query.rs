@@ -9,7 +9,7 @@ use serde::Serialize;
 use crate::error::{Result, UsageError};
 use crate::pipeline::Stage;
 use crate::pipeline::picture::Picture;
-use crate::pipeline::stages::query::{direct_session, session_of};
+use crate::pipeline::stages::questions::{direct_session, session_of};
 use crate::pipeline::stages::subjects::FoundSubjects;
 use crate::query::batch_api;
 use crate::query::exchange::{BadLine, Imported};

@@ -278,7 +278,7 @@ pub fn dry_run(global: &Global, folder: &Path, work: &WorkArgs, to: Stage, simul
     let reusable = pipeline.run_state().reusable(pipeline.opened())?;
     // The questions are known only once the parts are.
     let asked = to >= Stage::Query && reusable.contains(&Stage::Consensus) && !reusable.contains(&Stage::Query);
-    let queries = if asked { Some(stages::query::preview(pipeline.opened())?) } else { None };
+    let queries = if asked { Some(stages::questions::preview(pipeline.opened())?) } else { None };
     let stages: Vec<Stage> = pipeline.run_state().stages().collect();
     Ok(DryRun { stages: listed(&stages, &reusable), queries, to })
 }

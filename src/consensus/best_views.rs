@@ -4,7 +4,6 @@ use image::RgbImage;
 use nalgebra::{Point3, Vector3};
 
 use super::Parts;
-use super::masks::PartMasks;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::parallel;
@@ -34,11 +33,11 @@ pub fn best_views(
     gaussians: &Gaussians,
     parts: &Parts,
     cameras: &[&Camera],
-    masks: &[PartMasks],
+    maps: &[&LabelMap],
     sharpness: &[impl AsRef<[f32]> + Sync],
 ) -> Vec<Vec<PartView>> {
     let shown: Vec<Vec<Shown>> =
-        parallel::map_range(masks.len(), |view| shown(parts, &masks[view].map, sharpness[view].as_ref()));
+        parallel::map_range(maps.len(), |view| shown(parts, maps[view], sharpness[view].as_ref()));
     let centers = centers(gaussians, parts);
     (0..parts.parts.len()).map(|index| order(centers[index], cameras, &shown, index)).collect()
 }

@@ -27,6 +27,7 @@ mod options;
 mod result;
 pub(crate) mod samples;
 mod scale;
+mod thin;
 
 use image::GrayImage;
 use nalgebra::Point3;
@@ -70,6 +71,7 @@ pub use result::{
     AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, Filling, KnownMass, NoVolume, Object,
     ObjectBelief, Part, PartBody, Parts, Width,
 };
+pub use thin::folded;
 
 /// The result of the parts stage.
 #[derive(Debug, Clone, PartialEq)]

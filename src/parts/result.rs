@@ -248,9 +248,12 @@ pub struct BelievedThing {
     pub probability: f64,
     /// How much heavier it makes the object.
     pub mass_kg: Range,
+    /// The id of the part that shows it after all, as the photos were searched for it; null if none does.
+    #[serde(default)]
+    pub part: Option<u32>,
 }
 
-/// Why a part has no volume, and with it no mass.
+/// Why a part has no volume, and with it, as a rule, no mass.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 #[serde(rename_all = "snake_case")]
@@ -259,6 +262,9 @@ pub enum NoVolume {
     OwnsNoPlace,
     /// It owns places, but all of them lie too far behind what was seen to count as material, or its wall has no thickness.
     NoMaterial,
+    /// It lies flat on another part, so that the volume below it is that part's. It has the mass that the answer about the object
+    /// gives it.
+    TooThin,
 }
 
 impl fmt::Display for NoVolume {
@@ -266,6 +272,7 @@ impl fmt::Display for NoVolume {
         f.write_str(match self {
             Self::OwnsNoPlace => "has no surface of its own",
             Self::NoMaterial => "fills no cell of the grid",
+            Self::TooThin => "is too thin to measure",
         })
     }
 }
@@ -288,7 +295,7 @@ pub struct Part {
     pub corrected: Option<Box<Corrected>>,
     /// Number of Gaussians with its label.
     pub gaussians: usize,
-    /// `None`, like what follows from it, if the part has no volume.
+    /// `None`, like what follows from it, if the part has no volume; only one that is too thin to measure has a mass all the same.
     pub volume_m3: Option<Estimate>,
     /// Why it has no volume; missing if it has one.
     #[serde(default, skip_serializing_if = "Option::is_none")]

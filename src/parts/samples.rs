@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 use serde::Serialize;
 
 use super::belief::spread::Spread;
-use super::{BelievedChoice, BelievedPart, Part, Parts};
+use super::{BelievedChoice, BelievedPart, NoVolume, Part, Parts};
 use crate::units::Estimate;
 use crate::vote::{Contents, FieldPart};
 
@@ -163,7 +163,9 @@ impl Object<'_> {
     fn drawn(&self, whole: &Whole, count: usize, random: &mut fastrand::Rng) -> Vec<Vec<Item<'_>>> {
         let mut made: Vec<Vec<Item>> = vec![Vec::new(); count];
         let belief = self.parts.belief.as_ref();
-        for (labels, part) in &self.by_label {
+        // What is too thin to measure is among what has no number.
+        let measured = self.by_label.iter().filter(|(_, part)| part.no_volume != Some(NoVolume::TooThin));
+        for (labels, part) in measured {
             let believed = belief.into_iter().flat_map(|belief| &belief.parts).find(|of| of.id == part.id);
             let places = shuffled(count, random);
             for (items, place) in made.iter_mut().zip(places) {

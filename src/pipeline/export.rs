@@ -17,7 +17,7 @@ use super::Pipeline;
 use super::stages::Stage;
 use super::stages::grasp::Grasped;
 use super::stages::parts::{metric_parts, samples_of, scale, weighed_field};
-use super::stages::query::answered_by;
+use super::stages::questions::answered_by;
 use crate::parts::Interior;
 
 /// What to export.

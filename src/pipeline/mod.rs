@@ -160,7 +160,9 @@ impl Pipeline {
 
     /// The parts as they are with the answers that are recorded by now.
     pub(crate) fn weigh_anew(&mut self) -> Result<Arc<Parts>, Error> {
-        [Stage::Query, Stage::Vote, Stage::Parts].into_iter().for_each(|stage| self.run.reconsider(stage));
+        [Stage::Recognise, Stage::Refine, Stage::Query, Stage::Vote, Stage::Parts]
+            .into_iter()
+            .for_each(|stage| self.run.reconsider(stage));
         self.parts()
     }
 

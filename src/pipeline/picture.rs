@@ -124,6 +124,8 @@ impl Picture {
             about: AskAbout::Segments,
             whole: WholeViews::default(),
             regions: Vec::new(),
+            found: Vec::new(),
+            spent: None,
         };
         let folders = Folders { home, work: &self.work };
         QuerySession::new(query, subjects, &self.library, folders, network, self.progress)
@@ -131,7 +133,7 @@ impl Picture {
 
     /// Answers the queries and draws the material map.
     pub fn run(&self) -> Result<Answers> {
-        let answers = self.query_session()?.answer_all(&|round| Ok(write_sheets(&self.work, round)?))?.answers;
+        let answers = self.query_session()?.answer_parts(None, &|round| Ok(write_sheets(&self.work, round)?))?.answers;
         self.work.write(Artifact::Answers, answers.to_jsonl().as_bytes())?;
         answers.require_any()?;
         let map = material_map::draw(&self.photo, &self.segments.map, &answers);

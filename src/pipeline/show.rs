@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::segment_files::open_segmenter;
 use super::stages::OpenScene;
-use super::stages::query::fullest_view;
+use super::stages::questions::fullest_view;
 use super::stages::subjects::FoundSubjects;
 use super::stages::vote::{ShowsMost, draw, object};
 use crate::error::{Result, UsageError};

@@ -105,7 +105,9 @@ impl StoredRun {
             ScaleChoice::Estimate => {
                 let options = Options { scene, ..Options::default() };
                 let shared = stages::shared_scale::of_object(self.work.root(), &options);
-                return Ok(shared.map_or_else(|| stages::query::estimated_scale(&self.work), |scale| Ok(Some(scale)))?);
+                return Ok(
+                    shared.map_or_else(|| stages::recognise::estimated_scale(&self.work), |scale| Ok(Some(scale)))?
+                );
             }
             _ => stages::scene::stored_scale(&self.work)?,
         };

@@ -8,7 +8,7 @@ use crate::query::{AnswerSource, Answers, Context, Options};
 use crate::vote::{MaterialField, VoteError};
 
 use super::stages::OpenScene;
-use super::stages::query::session_of;
+use super::stages::questions::session_of;
 use super::stages::subjects::FoundSubjects;
 use super::stages::vote::{elect, voters};
 
@@ -52,7 +52,7 @@ fn local_answers(open: &OpenScene, about: &FoundSubjects) -> Result<Option<Answe
     let session = session_of(open, about, &options)?;
     let queries = session.queries()?;
     match session.count_open(&queries) {
-        0 => Ok(Some(session.answer_all(&|_| Ok(()))?.answers)),
+        0 => Ok(Some(session.answer_parts(None, &|_| Ok(()))?.answers)),
         unanswered => {
             let (name, all) = (&open.scene.name, queries.subjects.len());
             let line = format!("{name}: {unanswered} of {all} questions have no answer recorded for the part alone");

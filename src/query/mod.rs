@@ -20,12 +20,15 @@ pub mod session;
 
 pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};
-pub use answer::recognition::{Choice, Hypothesis, Printed, Recognition, RecognizedPart, Unnumbered};
+pub use answer::recognition::{
+    Choice, Found, FoundThing, Hypothesis, Printed, Recognition, RecognizedPart, Unnumbered,
+};
+pub use ask::budget::Spent;
 pub use ask::direct::DirectGuess;
 pub use ask::evidence::{Alternative, GuessQuestion, ObjectAnswers, PartQuestion};
 pub use ask::follow_up::{Region, Why};
 pub use ask::queries::{Queries, ViewSubjects};
-pub use ask::recognition::{Bare, Side};
+pub use ask::recognition::{Bare, Layout, Side};
 pub use ask::run::{Preview, Run};
 pub use ask::size::Size;
 pub use ask::whole::{AnyWholeQuestion, Purpose, WHOLE, WholeAnswer, WholeOutcome, WholeQuestion};

@@ -60,8 +60,11 @@ fn beliefs(belief: &ObjectBelief) -> Vec<String> {
     let printed =
         belief.printed.iter().map(|text| format!("Printed on it: {text:?}, which gives the weight of its contents."));
     let unshown = belief.unnumbered.iter().filter(|of| of.probability >= WORTH_A_DOUBT).map(|of| {
-        let percent = (100.0 * of.probability).round();
-        format!("No part shows: {} ({percent} %), {} kg.", of.what, interval(of.mass_kg.into(), 1.0))
+        let (percent, kg) = ((100.0 * of.probability).round(), interval(of.mass_kg.into(), 1.0));
+        match of.part {
+            Some(part) => format!("Part {part}, found later: {} ({percent} %), {kg} kg.", of.what),
+            None => format!("No part shows: {} ({percent} %), {kg} kg.", of.what),
+        }
     });
     let taken = (!taken.is_empty()).then(|| format!("The object is taken for {}.", taken.join(", or ")));
     let shape = format!("Shape and materials alone would give {} kg.", interval(belief.shape_kg, 1.0));

@@ -69,6 +69,19 @@ impl Request<'_> {
         Ok(Candidates { by_crop: parallel::try_map(&crops, |crop| self.run_crop(sam, crop))? })
     }
 
+    /// For each of the `points`, in pixels of the picture and within the crop `rect` of it, the masks of one prompt there that pass the
+    /// filters.
+    pub fn at(&self, sam: &Sam, rect: Rect, points: &[[f64; 2]]) -> Result<Vec<Vec<Candidate>>, SegmentError> {
+        if points.is_empty() {
+            return Ok(Vec::new());
+        }
+        let frame = self.frame(sam, rect)?;
+        let in_crop = |[x, y]: &[f64; 2]| [x - f64::from(rect.x0), y - f64::from(rect.y0)];
+        let points: Vec<[f64; 2]> = points.iter().map(in_crop).collect();
+        let batches = points.chunks(sam.batch()).map(|points| self.run_prompts(sam, &frame, points));
+        Ok(batches.collect::<Result<Vec<_>, _>>()?.into_iter().flatten().collect())
+    }
+
     fn run_crop(&self, sam: &Sam, crop: &Crop) -> Result<Vec<Candidate>, SegmentError> {
         let grid = prompts::grid(crop.rect.width(), crop.rect.height(), crop.points_per_side);
         let passes = match self.adaptive {

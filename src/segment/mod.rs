@@ -41,7 +41,7 @@ pub use error::SegmentError;
 pub use label_map::LabelMapError;
 pub use observer::Observer;
 pub use options::{DecoderRuntime, GeneratorOptions, Options, PointPrompts, SCENE_KEYS, SelectionOptions};
-pub use segmenter::Segmenter;
+pub use segmenter::{Segmenter, Shown};
 pub use views::segment_views;
 
 /// The segment of every pixel of one view: 0 background, segments from 1.

@@ -10,7 +10,7 @@ use super::candidate::Candidate;
 use super::error::SegmentError;
 use super::mask::{Mask, Rect};
 use super::observer::Observer;
-use super::options::{DecoderRuntime, Options, PointPrompts};
+use super::options::{DecoderRuntime, GeneratorOptions, Options, PointPrompts, SelectionOptions};
 use super::paint::paint;
 use super::resize::cropped;
 use super::sam::Sam;
@@ -21,6 +21,12 @@ use crate::setup::ModelFiles;
 
 /// Least value of [`Photo::foreground`] that counts as the object.
 const FOREGROUND: u8 = 128;
+
+const ALL_LEVELS: [Level; 3] = [Level::Small, Level::Middle, Level::Large];
+/// The side of the enlarged crop around a prompt, as a share of that of the whole foreground.
+const ENLARGED: f64 = 0.5;
+/// Least predicted IoU and stability of the masks of a prompt: below it, a mask is as likely wrong as right.
+const WEAK: f32 = 0.5;
 
 /// SAM, loaded and ready.
 pub struct Segmenter {
@@ -59,7 +65,7 @@ impl Segmenter {
         let (width, height) = (foreground.width(), foreground.height());
         let levels = match &options.level {
             Some(level) => std::slice::from_ref(level),
-            None => &[Level::Small, Level::Middle, Level::Large],
+            None => &ALL_LEVELS,
         };
         let masks = self.masks(photo, levels, options, observer)?;
         let (map, segments) = match masks.as_slice() {
@@ -75,10 +81,9 @@ impl Segmenter {
 
     /// The flat segments of one photo at each of SAM's levels, from the same prompts.
     pub fn segment_levels(&self, photo: &Photo, options: &Options) -> Result<Vec<(Level, LabelMap)>, SegmentError> {
-        let levels = [Level::Small, Level::Middle, Level::Large];
         let foreground = mask_of(&photo.foreground);
-        let masks = self.masks(photo, &levels, options, &())?;
-        let painted = levels.into_iter().zip(masks).map(|(level, masks)| {
+        let masks = self.masks(photo, &ALL_LEVELS, options, &())?;
+        let painted = ALL_LEVELS.into_iter().zip(masks).map(|(level, masks)| {
             let flat = Options { level: Some(level), ..options.clone() };
             (level, paint(&masks, &foreground, &flat).0)
         });
@@ -126,6 +131,54 @@ impl Segmenter {
             |&level: &Level| found.distinct(Some(level), &options.generator).into_iter().map(in_photo).collect();
         Ok(levels.iter().map(of_level).collect())
     }
+
+    /// For each point of the photo, in pixels, SAM's masks of all levels for one prompt there. None if the photo has no foreground, or the
+    /// point is outside of what is shown. Weak masks are among them.
+    pub fn prompted(
+        &self,
+        photo: &Photo,
+        points: &[[f64; 2]],
+        shown: Shown,
+        selection: &SelectionOptions,
+    ) -> Result<Vec<Vec<Candidate>>, SegmentError> {
+        let (width, height) = photo.rgb.dimensions();
+        let mut found = vec![Vec::new(); points.len()];
+        let Some(bounds) = mask_of(&photo.foreground).bounds() else { return Ok(found) };
+        let whole = with_margin(&bounds, selection.crop_margin, width, height);
+        let reach = 0.5 * ENLARGED * f64::from(whole.width().max(whole.height()));
+        let around = |[x, y]: [f64; 2]| {
+            let [x0, y0] = [x, y].map(|at| (at - reach).max(0.0) as u32);
+            Rect { x0, y0, x1: ((x + reach) as u32 + 1).min(width), y1: ((y + reach) as u32 + 1).min(height) }
+        };
+        let request = Request {
+            picture: &photo.rgb,
+            adaptive: None,
+            levels: &ALL_LEVELS,
+            options: &GeneratorOptions { min_predicted_iou: WEAK, min_stability: WEAK, ..GeneratorOptions::default() },
+            observer: &(),
+        };
+        let crops: Vec<(Rect, Vec<usize>)> = match shown {
+            Shown::Whole => vec![(whole, (0..points.len()).collect())],
+            Shown::Enlarged => points.iter().enumerate().map(|(n, point)| (around(*point), vec![n])).collect(),
+        };
+        for (crop, mut within) in crops {
+            within.retain(|n| crop.contains(points[*n]));
+            let prompts: Vec<[f64; 2]> = within.iter().map(|n| points[*n]).collect();
+            for (n, masks) in within.into_iter().zip(request.at(&self.sam, crop, &prompts)?) {
+                found[n] = masks;
+            }
+        }
+        Ok(found)
+    }
+}
+
+/// What SAM sees of a photo when it is prompted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Shown {
+    /// All of the foreground.
+    Whole,
+    /// A crop around the point: what is thin is wider there.
+    Enlarged,
 }
 
 fn mask_of(foreground: &GrayImage) -> Mask {

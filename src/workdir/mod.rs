@@ -27,7 +27,7 @@ pub use checksum::{Checksum, Checksumming, sha256_of_file};
 
 /// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again. The Python module
 /// has it too.
-pub const FORMAT_VERSION: u32 = 13;
+pub const FORMAT_VERSION: u32 = 14;
 
 /// Name of the work folder inside a scene.
 pub const DEFAULT_NAME: &str = "gprop";
@@ -59,6 +59,13 @@ pub enum Artifact<'a> {
     PartMap(&'a str),
     /// The part of every Gaussian, and the confidence in it.
     PartOfGaussian,
+    /// What a model takes the object for, with `--ask object`, and the places of which it speaks.
+    Recognition,
+    /// The things without a number that were looked for, and the parts with those that were found.
+    Refined,
+    /// As [`Self::PartMap`] and [`Self::PartOfGaussian`], with what was found.
+    RefinedMap(&'a str),
+    RefinedGaussians,
     /// The picture sent for a segment or part of a view; 0 is the whole object.
     Sheet(&'a str, u16),
     /// One line per question: the answer or the typed failure.
@@ -136,6 +143,10 @@ impl Artifact<'_> {
             Self::FoundParts => "consensus/consensus.json".into(),
             Self::PartMap(view) => Path::new("consensus").join(format!("{view}.png")),
             Self::PartOfGaussian => "consensus/gaussians.npz".into(),
+            Self::Recognition => "recognition.json".into(),
+            Self::Refined => "refined/refined.json".into(),
+            Self::RefinedMap(view) => Path::new("refined").join(format!("{view}.png")),
+            Self::RefinedGaussians => "refined/gaussians.npz".into(),
             Self::Sheet(view, segment) => Path::new("sheets").join(format!("{view}_{segment}.jpg")),
             Self::Answers => "answers.jsonl".into(),
             Self::Size => "size.json".into(),
@@ -176,9 +187,10 @@ const OBJECTS: &str = "objects";
 
 /// The folders inside a work folder that hold artifacts, views that were rendered, and recordings that could not be
 /// written to their own folder.
-const FOLDERS: [&str; 8] = [
+const FOLDERS: [&str; 9] = [
     "segments",
     "consensus",
+    "refined",
     "sheets",
     "simulation",
     "simulation/frames",

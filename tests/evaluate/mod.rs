@@ -112,8 +112,10 @@ fn hammer_with_field() -> (PathBuf, TempDir) {
         stage("scene", &[], &[]),
         stage("segment", &["scene"], &[]),
         stage("consensus", &["scene", "segment"], &[]),
-        stage("query", &["scene", "segment", "consensus"], &[]),
-        stage("vote", &["scene", "segment", "consensus", "query"], &["field.ply", "labels.json"]),
+        stage("recognise", &["scene", "segment", "consensus"], &[]),
+        stage("refine", &["scene", "consensus", "recognise"], &[]),
+        stage("query", &["scene", "segment", "consensus", "recognise", "refine"], &[]),
+        stage("vote", &["scene", "segment", "consensus", "refine", "query"], &["field.ply", "labels.json"]),
     ];
     let version = format!("{}+format.{FORMAT_VERSION}", env!("CARGO_PKG_VERSION"));
     let record = json!({ "version": version, "options": {}, "stages": stages });

@@ -141,6 +141,7 @@ pub fn possible(mass_kg: Range, of_label: Vec<Vec<(FieldPart, f64)>>) -> Possibi
         of_label: of_label.into_iter().map(|choices| choices.into_iter().map(choice).collect()).collect(),
         printed: None,
         unnumbered: Vec::new(),
+        shown_as: Vec::new(),
     }
 }
 

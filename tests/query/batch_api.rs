@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex};
 use gprop::consensus::AskAbout;
 use gprop::materials::MaterialLibrary;
 use gprop::query::ask::rounds::Subject;
-use gprop::query::session::{Folders, QuerySession, QueryView, Subjects, WholeViews};
+use gprop::query::session::{Folders, NumberedView, QuerySession, QueryView, Subjects, WholeViews};
 use gprop::query::{AnswerSource, Context, Options, QueryError};
 use gprop::words::progress::Progress;
 use gprop::workdir::WorkDir;
@@ -156,7 +156,8 @@ impl Place {
 
     /// A session about the object in the first view, whose parts these are.
     pub fn session_about_object<'a>(&'a self, options: &'a Options, parts: Vec<Subject>) -> QuerySession<'a> {
-        self.session(options, parts, 1, WholeViews { recognition: vec![0], ..WholeViews::default() })
+        let first = NumberedView { view: 0, map: Cow::Borrowed(&self.views[0].segments.map) };
+        self.session(options, parts, 1, WholeViews { recognition: vec![first], ..WholeViews::default() })
     }
 
     fn session<'a>(
@@ -164,7 +165,7 @@ impl Place {
         options: &'a Options,
         subjects: Vec<Subject>,
         ask_views: usize,
-        whole: WholeViews,
+        whole: WholeViews<'a>,
     ) -> QuerySession<'a> {
         let view = |view: &'a View| QueryView {
             name: view.name,
@@ -174,7 +175,8 @@ impl Place {
         let views = self.views.iter().map(view).collect();
         let (home, hidden) = (self.home.path(), Progress::HIDDEN);
         let about = if whole.recognition.is_empty() { AskAbout::Segments } else { AskAbout::Parts };
-        let subjects = Subjects { views, subjects, ask_views, about, whole, regions: Vec::new() };
+        let (regions, found, spent) = (Vec::new(), Vec::new(), None);
+        let subjects = Subjects { views, subjects, ask_views, about, whole, regions, found, spent };
         let folders = Folders { home, work: &self.work };
         QuerySession::new(options, subjects, MaterialLibrary::builtin(), folders, Ok(()), hidden).unwrap()
     }
@@ -223,7 +225,7 @@ fn a_batch_goes_out_and_its_answers_are_replayed() {
 
     let replay = Options { answers: AnswerSource::Replay, lmm_url: None, ..options.clone() };
     let session = place.query_session(&replay);
-    let answers = session.answer_all(&|_| Ok(())).unwrap().answers;
+    let answers = session.answer_parts(None, &|_| Ok(())).unwrap().answers;
     assert_eq!((answers.all.len(), answers.failed().count()), (4, 0));
     assert!(place.query_session(&options).collect().is_err(), "nothing is waiting any more");
     assert_eq!(place.query_session(&options).submit().unwrap().sent, 0, "nothing is open any more");

@@ -19,6 +19,8 @@ mod exchange;
 mod failures;
 // The fields of a request: those of --lmm-body, and those that limit its tokens.
 mod fields;
+// What the answer names and no part shows.
+mod found;
 // The form for people.
 mod form;
 // Servers that send too much, too slowly or too little; requests that may have been billed count.

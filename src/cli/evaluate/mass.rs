@@ -11,7 +11,7 @@ use crate::error::{Context, Result, UsageError};
 use crate::evaluate::mass::{self as masses, Balance, Causes, MassEvaluation, Weighed, WeighedPart};
 use crate::files::read_scope::ReadScope;
 use crate::pipeline::Stage;
-use crate::pipeline::stages::query::direct_session;
+use crate::pipeline::stages::questions::direct_session;
 use crate::pipeline::stored::{self, StoredRun};
 use crate::query::{AnswerSource, DirectGuess, WholeOutcome};
 use crate::scene::dataset::{self, Entry};

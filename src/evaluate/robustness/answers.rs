@@ -128,7 +128,8 @@ impl Voters<'_> {
     fn subjects(&self, parts: &Parts, masks: &[PartMasks]) -> Vec<Subject> {
         let cameras: Vec<_> = self.views.iter().map(|view| view.camera).collect();
         let sharpness: Vec<&[f32]> = self.views.iter().map(|view| view.sharpness.as_slice()).collect();
-        let best = best_views(self.gaussians, parts, &cameras, masks, &sharpness);
+        let maps: Vec<&LabelMap> = masks.iter().map(|masks| &masks.map).collect();
+        let best = best_views(self.gaussians, parts, &cameras, &maps, &sharpness);
         rounds::subjects(parts.parts.iter().zip(best).map(|(part, best)| PartOrPiece {
             id: part.id,
             piece_of: part.piece_of,

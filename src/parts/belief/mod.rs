@@ -21,7 +21,9 @@ use super::mass::unknowns::{Belief, OVERCONFIDENCE, PRINTED_ERROR, Quantity, Unk
 use super::mass::weights::{PrintedContents, Weighing, unseen};
 use super::result::{AskedPart, BelievedChoice, BelievedHypothesis, BelievedPart, BelievedThing, ObjectBelief, Parts};
 use crate::materials::MaterialLibrary;
-use crate::query::{Alternative, GuessQuestion, Hypothesis, ObjectAnswers, Printed, RecognizedPart, Unnumbered};
+use crate::query::{
+    Alternative, GuessQuestion, Hypothesis, ObjectAnswers, Printed, Recognition, RecognizedPart, Unnumbered,
+};
 use crate::units::{Estimate, Range};
 use crate::vote::{Contents, FieldPart, Filled, MaterialField};
 use spread::{Curve, Spread, joint, mean_density};
@@ -43,6 +45,8 @@ pub struct Possibilities {
     pub asked: Vec<Option<AskedPart>>,
     pub printed: Option<Printed>,
     pub unnumbered: Vec<Unnumbered>,
+    /// By thing without a number, the id of the part that shows it after all.
+    pub shown_as: Vec<Option<u32>>,
 }
 
 /// One way in which a part may be made.
@@ -115,8 +119,14 @@ impl Possibilities {
             .iter()
             .filter_map(|part| part.corrected.as_ref())
             .any(|of| of.to.filling.is_some() || of.to.share.is_some());
+        let found = |recognized: usize| recognition.parts[recognized].found.as_ref();
         let mut of_label = |part: &FieldPart| {
-            let of = recognized_as(part).map_or(&[][..], |recognized| &alternatives[recognized]);
+            let recognized = recognized_as(part);
+            let of = recognized.map_or(&[][..], |recognized| &alternatives[recognized]);
+            if recognized.and_then(found).is_some() {
+                // It weighs what the answer says of it, whatever it is made of.
+                return vec![as_voted(part, of, recognition.hypotheses.len())];
+            }
             let choices: Vec<Possible> = of.iter().map(|of| possible(part.id, of)).collect();
             let Some(of) = &part.corrected else { return choices };
             stated_mass_counts &= corrected::agree(&choices, &of.to, library);
@@ -133,6 +143,7 @@ impl Possibilities {
             asked: field.parts.iter().map(asked).collect(),
             printed: recognition.printed.clone().filter(|_| !are_contents_corrected),
             unnumbered: recognition.unnumbered.clone(),
+            shown_as: (0..recognition.unnumbered.len()).map(|thing| shown_as(recognition, thing)).collect(),
         }
     }
 
@@ -163,6 +174,19 @@ impl Possibilities {
     pub fn choices(&self, label: usize) -> usize {
         self.of_label[label].len().max(1)
     }
+}
+
+/// The only way in which a part of the field may be made: as the field has it.
+fn as_voted(part: &FieldPart, of: &[Alternative], hypotheses: usize) -> Possible {
+    let stated = of.iter().find(|of| of.answer.material == part.material).map_or(0.0, |of| of.stated_probability);
+    Possible { part: part.clone(), under: vec![1.0; hypotheses], likelihood: 1.0, stated_probability: stated }
+}
+
+/// The id of the part that shows this thing without a number after all.
+fn shown_as(recognition: &Recognition, thing: usize) -> Option<u32> {
+    let mut parts = recognition.parts.iter();
+    let part = parts.find(|part| part.found.as_ref().is_some_and(|found| found.thing == thing))?;
+    part.numbers.first().map(|number| u32::from(*number))
 }
 
 /// What follows from a belief for the weighing of parts.
@@ -481,6 +505,7 @@ fn things(possible: &Possibilities, states: &[Weighed], posterior: &[f64]) -> Ve
         stated_probability: thing.probability,
         probability: probability_of(states, posterior, labels + n, 1),
         mass_kg: thing.mass_kg,
+        part: possible.shown_as.get(n).copied().flatten(),
     };
     possible.unnumbered.iter().enumerate().map(thing).collect()
 }
@@ -571,6 +596,7 @@ mod tests {
             asked: vec![None; 2],
             printed: None,
             unnumbered: Vec::new(),
+            shown_as: Vec::new(),
         };
         let mut unknowns = Unknowns::default();
         let method = unknowns.number(Source::Method, &Owner::Object);

@@ -8,6 +8,7 @@ use crate::consensus::{self, AskAbout, Part, Parts, SegmentedView};
 use crate::error::Result;
 use crate::files::npz::{Npz, NpzWriter};
 use crate::parallel;
+use crate::query::FoundThing;
 use crate::scene::View;
 use crate::segment::{LabelMap, Segmentation};
 use crate::words::output::{agreeing, counted};
@@ -15,11 +16,19 @@ use crate::workdir::Artifact;
 
 use super::{Done, Job, OpenScene, Row, Stage, Stored, never};
 
+/// The parts as they are found before anyone is asked about them.
+pub struct Unasked(pub FoundParts);
+
 /// The parts as the stages after them need them.
+#[derive(Clone)]
 pub struct FoundParts {
     pub parts: Vec<FoundPart>,
     /// For every chosen view, the id of each pixel's piece, or of its part if that has no pieces.
     pub maps: Vec<LabelMap>,
+    /// For every Gaussian, the id of its piece; of its part if that has no pieces.
+    pub of_gaussian: Vec<u16>,
+    /// The parts that were found where the answer what the object is names something without a number.
+    pub found: Vec<FoundThing>,
 }
 
 /// The content of `consensus.json`.
@@ -28,19 +37,33 @@ struct PartsFile {
     parts: Vec<FoundPart>,
 }
 
+/// The files of parts.
+pub struct PartFiles {
+    /// That which lists them.
+    pub list: Artifact<'static>,
+    pub map: fn(&str) -> Artifact<'_>,
+    pub of_gaussian: Artifact<'static>,
+}
+
+const FILES: PartFiles = PartFiles {
+    list: Artifact::FoundParts,
+    map: |view| Artifact::PartMap(view),
+    of_gaussian: Artifact::PartOfGaussian,
+};
+
 /// A part or piece with the views that show it.
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct FoundPart {
     #[serde(flatten)]
     pub part: Part,
     /// Number of views in which a segment shows it, and of those that see it but have no such segment.
-    backed_by: usize,
-    opposed_by: usize,
+    pub backed_by: usize,
+    pub opposed_by: usize,
     /// The views that show it, the best ones to ask about it in first.
     pub views: Vec<ShownIn>,
 }
 
-#[derive(Serialize, Deserialize)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct ShownIn {
     pub view: String,
     /// Number of pixels that show the part.
@@ -67,7 +90,9 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     }
     let Found { parts, masks, file } = find(open, open.get::<Segmentation>()?.as_ref())?;
     let work = &open.work;
-    work.write_with(Artifact::PartOfGaussian, |out| write_gaussians(out, &parts))?;
+    work.write_with(Artifact::PartOfGaussian, |out| {
+        write_gaussians(out, &parts.id_of_gaussian, Some(&parts.confidence))
+    })?;
     for (view, masks) in open.views.iter().zip(&masks) {
         work.write(Artifact::PartMap(&view.name), &masks.map.to_png()?)?;
     }
@@ -94,79 +119,73 @@ fn find(open: &OpenScene, segmentation: &Segmentation) -> Result<Found> {
     let origins = open.scene.origins();
     let parts = consensus::find(gaussians, &origins, &views, open.progress());
     let masks: Vec<PartMasks> = views.iter().map(|view| part_masks(&parts, view)).collect();
-    let sharpness = |view: &View| view.photo().map(|photo| consensus::sharpness(&photo.rgb));
-    let sharpness = parallel::try_map(&open.views, sharpness)?;
-    let cameras: Vec<_> = views.iter().map(|view| view.camera).collect();
-    let best = consensus::best_views(gaussians, &parts, &cameras, &masks, &sharpness);
-    let found = parts.parts.iter().zip(best).map(|(part, best)| {
+    let maps: Vec<&LabelMap> = masks.iter().map(|masks| &masks.map).collect();
+    let best = views_of_parts(open, &parts, &maps)?;
+    let found = parts.parts.iter().zip(best).map(|(part, views)| {
         let backing = |expected: bool| masks.iter().filter(|masks| masks.backs(part.id) == Some(expected)).count();
-        let shown =
-            |shown: consensus::PartView| ShownIn { view: open.views[shown.view].name.clone(), pixels: shown.pixels };
-        FoundPart {
-            part: part.clone(),
-            backed_by: backing(true),
-            opposed_by: backing(false),
-            views: best.into_iter().map(shown).collect(),
-        }
+        FoundPart { part: part.clone(), backed_by: backing(true), opposed_by: backing(false), views }
     });
     let file = PartsFile { parts: found.collect() };
     Ok(Found { parts, masks, file })
+}
+
+/// For every part and piece, the views that show it, the best ones to ask about it in first; `maps` are those of the views.
+pub fn views_of_parts(open: &OpenScene, parts: &Parts, maps: &[&LabelMap]) -> Result<Vec<Vec<ShownIn>>> {
+    let sharpness = |view: &View| view.photo().map(|photo| consensus::sharpness(&photo.rgb));
+    let sharpness = parallel::try_map(&open.views, sharpness)?;
+    let cameras: Vec<_> = open.views.iter().map(|view| &view.camera).collect();
+    let best = consensus::best_views(&open.scene.gaussians, parts, &cameras, maps, &sharpness);
+    let shown =
+        |shown: consensus::PartView| ShownIn { view: open.views[shown.view].name.clone(), pixels: shown.pixels };
+    Ok(best.into_iter().map(|views| views.into_iter().map(shown).collect()).collect())
 }
 
 /// Removes the parts that an earlier run left, which would be taken for this run's; also in views that are not chosen
 /// now.
 fn remove_parts(open: &OpenScene) -> Result<()> {
     let maps = open.scene.views.iter().map(|view| Artifact::PartMap(&view.name));
-    for artifact in maps.chain([Artifact::FoundParts, Artifact::PartOfGaussian]) {
-        open.work.remove(artifact)?;
-    }
-    Ok(())
+    let old = maps.chain([Artifact::FoundParts, Artifact::PartOfGaussian]);
+    old.chain([Artifact::Refined]).try_for_each(|artifact| Ok(open.work.remove(artifact)?))
 }
 
-/// The parts; there are none if the model is asked about segments.
-impl Stored for FoundParts {
+impl Stored for Unasked {
     const STAGE: Stage = Stage::Consensus;
 
     fn load(open: &OpenScene) -> Result<Self> {
-        let work = &open.work;
-        let PartsFile { parts } = work.read_json(Artifact::FoundParts)?;
-        if !are_numbered(&parts) {
-            let problem = "its parts are not numbered from 1 on, or one is a piece of a part that it does not list";
-            return Err(work.damaged(Artifact::FoundParts, problem).into());
-        }
-        let map = |view: &View| {
-            let artifact = Artifact::PartMap(&view.name);
-            let map = LabelMap::from_png(&work.read(artifact)?).map_err(|problem| work.damaged(artifact, problem))?;
-            let is_known = |&id: &u16| usize::from(id) <= parts.len();
-            if !map.labels.iter().all(is_known) {
-                return Err(work.damaged(artifact, "it shows parts that are not in consensus.json").into());
-            }
-            Ok(map)
-        };
-        Ok(Self { maps: open.views.iter().map(map).collect::<Result<_>>()?, parts })
-    }
-}
-
-/// For every Gaussian, the id of its piece; of its part if that has no pieces.
-pub struct PartOfGaussian(pub Vec<u16>);
-
-impl Stored for PartOfGaussian {
-    const STAGE: Stage = Stage::Consensus;
-
-    fn load(open: &OpenScene) -> Result<Self> {
-        let damaged = |problem: &dyn std::fmt::Display| open.work.damaged(Artifact::PartOfGaussian, problem);
-        let bytes = open.work.read(Artifact::PartOfGaussian)?;
-        let ids = Npz::new(bytes).and_then(|mut archive| archive.f32s("part")).map_err(|problem| damaged(&problem))?;
-        let known = open.get::<FoundParts>()?.parts.len() as f32;
-        let are_known = ids.iter().all(|id| id.fract() == 0.0 && (1.0..=known).contains(id));
-        if ids.len() != open.scene.gaussians.len() || !are_known {
-            return Err(damaged(&"its numbers are not those of the parts, one for each Gaussian").into());
-        }
-        Ok(Self(ids.into_iter().map(|id| id as u16).collect()))
+        let PartsFile { parts } = open.work.read_json(Artifact::FoundParts)?;
+        Ok(Self(FoundParts::read(open, parts, &FILES)?))
     }
 }
 
 impl FoundParts {
+    /// The parts that are listed, with what the other files say of them.
+    pub fn read(open: &OpenScene, parts: Vec<FoundPart>, files: &PartFiles) -> Result<Self> {
+        let work = &open.work;
+        if !are_numbered(&parts) {
+            let problem = "its parts are not numbered from 1 on, or one is a piece of a part that it does not list";
+            return Err(work.damaged(files.list, problem).into());
+        }
+        let map = |view: &View| {
+            let artifact = (files.map)(&view.name);
+            let map = LabelMap::from_png(&work.read(artifact)?).map_err(|problem| work.damaged(artifact, problem))?;
+            let is_known = |&id: &u16| usize::from(id) <= parts.len();
+            if !map.labels.iter().all(is_known) {
+                let problem = format!("it shows parts that are not in {}", files.list.path().display());
+                return Err(work.damaged(artifact, problem).into());
+            }
+            Ok(map)
+        };
+        let maps = open.views.iter().map(map).collect::<Result<_>>()?;
+        let damaged = |problem: &dyn std::fmt::Display| work.damaged(files.of_gaussian, problem);
+        let bytes = work.read(files.of_gaussian)?;
+        let ids = Npz::new(bytes).and_then(|mut archive| archive.f32s("part")).map_err(|problem| damaged(&problem))?;
+        let are_known = ids.iter().all(|id| id.fract() == 0.0 && (1.0..=parts.len() as f32).contains(id));
+        if ids.len() != open.scene.gaussians.len() || !are_known {
+            return Err(damaged(&"its numbers are not those of the parts, one for each Gaussian").into());
+        }
+        Ok(Self { maps, parts, of_gaussian: ids.into_iter().map(|id| id as u16).collect(), found: Vec::new() })
+    }
+
     /// The part that an id stands for: the part of a piece, or the part itself; 0 for 0.
     pub fn part_of(&self, id: u16) -> u16 {
         usize::from(id).checked_sub(1).map_or(0, |index| self.parts[index].part.piece_of.unwrap_or(id))
@@ -189,12 +208,14 @@ pub fn renamed(map: &LabelMap, name: impl Fn(u16) -> u16) -> LabelMap {
     LabelMap { labels: map.labels.iter().map(|&id| name(id)).collect(), ..*map }
 }
 
-/// `part` (the id of the Gaussian's piece or part) and `confidence`, in the order of the splat.
-fn write_gaussians(out: &mut dyn std::io::Write, parts: &Parts) -> std::io::Result<()> {
+/// `part` (the id of the Gaussian's piece or part) and `confidence`, if that is known, in the order of the splat.
+pub fn write_gaussians(out: &mut dyn std::io::Write, ids: &[u16], confidence: Option<&[f32]>) -> std::io::Result<()> {
     let mut archive = NpzWriter::new(out);
-    let shape = [parts.id_of_gaussian.len() as u64];
-    archive.array("part", &shape, parts.id_of_gaussian.iter().map(|&id| f32::from(id)))?;
-    archive.array("confidence", &shape, parts.confidence.iter().copied())?;
+    let shape = [ids.len() as u64];
+    archive.array("part", &shape, ids.iter().map(|&id| f32::from(id)))?;
+    if let Some(confidence) = confidence {
+        archive.array("confidence", &shape, confidence.iter().copied())?;
+    }
     archive.finish()
 }
 

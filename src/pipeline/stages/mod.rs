@@ -13,7 +13,10 @@ pub mod grasp;
 mod open;
 pub mod parts;
 pub mod query;
+pub mod questions;
+pub mod recognise;
 mod recognized;
+pub mod refine;
 pub mod report;
 pub mod scene;
 pub mod segment;
@@ -62,6 +65,10 @@ table! {
     Segment: segment,
     /// Find the object's parts in 3D from the segments of all views.
     Consensus: consensus,
+    /// Learn what the object is, from recorded answers or a model.
+    Recognise: recognise,
+    /// Look for what that names and no part shows.
+    Refine: refine,
     /// Get the material of each part from recorded answers or a model.
     Query: query,
     /// Give every Gaussian a material by a vote of the views.

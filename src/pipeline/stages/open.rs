@@ -14,6 +14,7 @@ use crate::materials::MaterialLibrary;
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::pipeline::options::Options;
 use crate::pipeline::segment_files::check_formats;
+use crate::query::Spent;
 use crate::scene::{self, Photo, Scene, SceneError, View};
 use crate::words::progress::{Progress, StageNumber, Watcher};
 use crate::workdir::WorkDir;
@@ -35,7 +36,23 @@ pub struct OpenScene {
     pub watcher: Watcher,
     /// The stage that is being done.
     pub number: Option<StageNumber>,
+    /// What the last questions about the whole object cost.
+    pub spent: LastSpent,
     kept: Kept,
+}
+
+/// What was spent on questions, until it is taken into account.
+#[derive(Default)]
+pub struct LastSpent(Mutex<Option<Spent>>);
+
+impl LastSpent {
+    pub fn set(&self, spent: Spent) {
+        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(spent);
+    }
+
+    pub fn take(&self) -> Option<Spent> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
 }
 
 /// The tables and profiles that the options name, besides the scene.
@@ -92,6 +109,7 @@ impl OpenScene {
             options,
             watcher,
             number: None,
+            spent: LastSpent::default(),
             kept: Kept::default(),
         })
     }

@@ -15,8 +15,9 @@ use crate::scene::mesh::solid::Measured;
 use crate::units::{Estimate, MetricScale, Range};
 use crate::workdir::Artifact;
 
+use super::consensus::{FoundParts, Unasked};
 use super::recognized::Recognized;
-use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query, shared_scale};
+use super::{Done, Job, OpenScene, Row, Stage, Stored, never, recognise, shared_scale};
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::vote::{FieldPart, MaterialField};
 
@@ -78,7 +79,7 @@ fn own_options(open: &OpenScene) -> Options {
 }
 
 fn run(open: &OpenScene, _: &Job) -> Result<Done> {
-    let (work, scale) = (&open.work, query::scale(open)?);
+    let (work, scale) = (&open.work, recognise::scale(open)?);
     let result = measured(open, scale.as_ref())?;
     let mut warnings = result.warnings.clone();
     match result.metric() {
@@ -94,17 +95,52 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
 }
 
 fn measured(open: &OpenScene, scale: Option<&MetricScale>) -> Result<PartsResult> {
-    let (gaussians, options) = (&open.scene.gaussians, &own_options(open));
+    let gaussians = &open.scene.gaussians;
     let field = open.get::<MaterialField>()?;
     let possible = possibilities(open, &field)?;
     let known = Known { scale, possible: possible.as_ref() };
+    match below_thin(open, &field)? {
+        Some(below) => {
+            let result = shaped(open, &parts::folded(&field, &below), known)?;
+            Ok(result.with_thin(gaussians, &field, &below, scale))
+        }
+        None => shaped(open, &field, known),
+    }
+}
+
+/// The parts of this field of the scene.
+fn shaped(open: &OpenScene, field: &MaterialField, known: Known) -> Result<PartsResult> {
+    let (gaussians, options) = (&open.scene.gaussians, &own_options(open));
     if let Some(mesh) = open.scene.mesh.as_ref().filter(|_| options.volume.takes_mesh()) {
         let mesh = Measured::of(&mesh.painted.mesh.surface).map_err(PartsError::from)?;
-        return Ok(parts::parts_of_mesh(gaussians, &field, &mesh, known, options)?);
+        return Ok(parts::parts_of_mesh(gaussians, field, &mesh, known, options)?);
     }
     let (cameras, coverage) = (open.scene.cameras(), coverage(&open.scene.views, options)?);
     let views = parts::Views { cameras: &cameras, coverage: &coverage };
-    Ok(parts::parts(gaussians, &field, views, known, options, open.progress())?)
+    Ok(parts::parts(gaussians, field, views, known, options, open.progress())?)
+}
+
+/// For every Gaussian of a part that was found where the answer about the object names something without a number, the label of the part
+/// from which it was cut; `None` if nothing was found.
+fn below_thin(open: &OpenScene, field: &MaterialField) -> Result<Option<Vec<Option<u32>>>> {
+    let recognized = open.get::<Recognized>()?;
+    let Some(recognized) = &recognized.0 else { return Ok(None) };
+    let found = &open.get::<FoundParts>()?.found;
+    if found.is_empty() {
+        return Ok(None);
+    }
+    let first = recognized.recognition.first_of_part();
+    let label_of = |region: u16| {
+        let part = u32::from(*first.get(&region)?);
+        (0u32..).zip(&field.parts).find(|(_, of)| of.id == part).map(|(label, _)| label)
+    };
+    let before = &open.get::<Unasked>()?.0.of_gaussian;
+    let below = |(label, region): (&u32, &u16)| {
+        let id = field.parts[*label as usize].id;
+        let of = found.iter().find(|of| u32::from(of.id) == id)?;
+        label_of(*region).or_else(|| of.cut_from.first().and_then(|region| label_of(*region)))
+    };
+    Ok(Some(field.part_index.iter().zip(before).map(below).collect()))
 }
 
 /// What the object and its parts may be, if that was asked.
@@ -142,7 +178,7 @@ pub fn scale(open: &OpenScene) -> Result<Option<MetricScale>> {
         Some(_) => metric_parts(open)?,
         None => None,
     };
-    Ok(scale_after_weighing(query::scale(open)?, parts.as_deref()))
+    Ok(scale_after_weighing(recognise::scale(open)?, parts.as_deref()))
 }
 
 /// The material field with the densities that a weighing of the object has corrected.
@@ -172,7 +208,7 @@ pub fn samples_of(open: &OpenScene, count: usize) -> Result<Option<Vec<Sample>>>
 
 /// The parts in metres and kilograms; `None` if the scale is unknown.
 pub fn metric_parts(open: &OpenScene) -> Result<Option<Arc<Parts>>> {
-    if query::scale(open)?.is_none() && shared_scale::own_reading(&open.options).is_none() {
+    if recognise::scale(open)?.is_none() && shared_scale::own_reading(&open.options).is_none() {
         return Ok(None);
     }
     Ok(Some(open.get()?))

@@ -11,11 +11,11 @@ use crate::consensus::AskAbout;
 use crate::error::Result;
 use crate::gaussians::bounds::least_extent;
 use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, SubjectInView};
-use crate::query::{Answers, Outcome, Region, SubjectAnswer, SubjectId};
+use crate::query::{Answers, FoundThing, Outcome, Region, SubjectAnswer, SubjectId};
 use crate::segment::{LabelMap, Segmentation, ViewSegments};
 use crate::vote::AnsweredPart;
 
-use super::consensus::{FoundPart, FoundParts, PartOfGaussian, ShownIn, renamed};
+use super::consensus::{FoundPart, FoundParts, ShownIn, Unasked, renamed};
 use super::recognized::Recognized;
 use super::{OpenScene, scene};
 
@@ -32,6 +32,22 @@ impl FoundSubjects {
             AskAbout::Object | AskAbout::Parts => Self::Parts(open.get()?),
             AskAbout::Segments => Self::Segments(open.get()?),
         })
+    }
+
+    /// As [`Self::of`], but as they are before anyone is asked.
+    pub fn unasked(open: &OpenScene) -> Result<Self> {
+        Ok(match open.options.consensus.ask {
+            AskAbout::Object | AskAbout::Parts => Self::Parts(Arc::new(open.get::<Unasked>()?.0.clone())),
+            AskAbout::Segments => Self::Segments(open.get()?),
+        })
+    }
+
+    /// The parts that were found where the answer what the object is names something without a number.
+    pub fn found(&self) -> Vec<FoundThing> {
+        match self {
+            Self::Parts(found) => found.found.clone(),
+            Self::Segments(_) => Vec::new(),
+        }
     }
 
     /// The subjects that the model is asked about, and the number of views in which each is asked about first.
@@ -53,10 +69,10 @@ impl FoundSubjects {
     /// Every part and piece of one, with how much of the object it is.
     ///
     /// # Errors
-    /// If the parts of the Gaussians cannot be read.
+    /// If the scale cannot be read.
     pub fn regions(&self, open: &OpenScene) -> Result<Vec<Region>> {
         let Self::Parts(found) = self else { return Ok(Vec::new()) };
-        let (of_gaussian, gaussians) = (open.get::<PartOfGaussian>()?, &open.scene.gaussians);
+        let gaussians = &open.scene.gaussians;
         let scale = scene::scale(open)?.map(|scale| scale.meters_per_unit);
         let whole = || found.parts.iter().filter(|of| of.part.piece_of.is_none());
         let all: f64 = whole().map(|of| of.part.light).sum();
@@ -69,7 +85,7 @@ impl FoundSubjects {
         // By id; the Gaussians of a piece also count for its part.
         let mut centers: BTreeMap<u16, Vec<Point3<f64>>> = BTreeMap::new();
         for i in (0..gaussians.len()).filter(|i| !gaussians.is_set_aside(*i)) {
-            let id = of_gaussian.0[i];
+            let id = found.of_gaussian[i];
             for id in BTreeSet::from([id, found.part_of(id)]) {
                 centers.entry(id).or_default().push(gaussians.center(i));
             }
@@ -114,8 +130,18 @@ impl FoundSubjects {
         };
         if let Some(recognized) = &open.get::<Recognized>()?.0 {
             let first = recognized.recognition.first_of_part();
-            let first = |id: u16| first.get(&id).copied().unwrap_or(id);
-            return Ok(found.maps.iter().map(|map| Cow::Owned(renamed(map, first))).collect());
+            let before = &open.get::<Unasked>()?.0.maps;
+            // What was found but is no part of its own is what it was before.
+            let is_part = |id: u16| id == 0 || first.contains_key(&id);
+            let of_part = |(now, before): (&u16, &u16)| {
+                let id = if is_part(*now) { *now } else { *before };
+                first.get(&id).copied().unwrap_or(id)
+            };
+            let settled = |(map, before): (&LabelMap, &LabelMap)| LabelMap {
+                labels: map.labels.iter().zip(&before.labels).map(of_part).collect(),
+                ..*map
+            };
+            return Ok(found.maps.iter().zip(before).map(settled).map(Cow::Owned).collect());
         }
         let index = view_indices(open);
         let in_view = |answer: &SubjectAnswer| {
@@ -178,7 +204,8 @@ mod tests {
             serde_json::from_value::<FoundPart>(part).unwrap()
         };
         let shown = json!([{ "view": "000", "pixels": 50 }]);
-        let parts = FoundParts { parts: vec![found(1, json!([])), found(2, shown)], maps: Vec::new() };
+        let parts = vec![found(1, json!([])), found(2, shown)];
+        let parts = FoundParts { parts, maps: Vec::new(), of_gaussian: Vec::new(), found: Vec::new() };
         let answer = Answer::of(MaterialLibrary::builtin().get("abs").unwrap());
         let about = |id: u16| SubjectAnswer {
             view: "000".to_owned(),

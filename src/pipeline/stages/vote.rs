@@ -20,11 +20,11 @@ use crate::words::part_name::part_name;
 use crate::workdir::{self, Artifact, WorkDirError};
 
 use super::subjects::FoundSubjects;
-use super::{Done, Job, OpenScene, Row, Stage, Stored, never, query, shared_scale};
+use super::{Done, Job, OpenScene, Row, Stage, Stored, never, recognise, shared_scale};
 use crate::pictures::png;
 
 pub(super) const ROW: Row = Row {
-    inputs: &[Stage::Scene, Stage::Segment, Stage::Consensus, Stage::Query],
+    inputs: &[Stage::Scene, Stage::Segment, Stage::Consensus, Stage::Refine, Stage::Query],
     options: &["vote"],
     result: Artifact::Field,
     key: |open, inputs| {
@@ -90,7 +90,7 @@ pub fn draw(open: &OpenScene, shown: Shown, view: &View, field: &MaterialField) 
 }
 
 pub fn object<'a>(open: &'a OpenScene, field: &'a MaterialField) -> Result<ShownObject<'a>> {
-    let meters_per_unit = query::scale(open)?.map(|scale| scale.meters_per_unit);
+    let meters_per_unit = recognise::scale(open)?.map(|scale| scale.meters_per_unit);
     Ok(ShownObject { gaussians: &open.scene.gaussians, field, meters_per_unit })
 }
 

@@ -85,6 +85,29 @@ pub struct RecognizedPart {
     pub caption: String,
     /// How it may be made, at least one.
     pub choices: Vec<Choice>,
+    /// What it shows, if it was found later; `None` for those of the answer.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub found: Option<Found>,
+}
+
+/// What a part shows that was found where the answer names a thing without a number.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Found {
+    /// Its index among the things without a number.
+    pub thing: usize,
+    /// The indices of the parts from which it was cut, at least one, the one that lost most first.
+    pub cut_from: Vec<usize>,
+}
+
+/// A region that was found where the answer names a thing without a number.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FoundThing {
+    /// Its index among the things without a number.
+    pub thing: usize,
+    /// The new number.
+    pub id: u16,
+    /// The regions from which it was cut, the one that lost most first.
+    pub cut_from: Vec<u16>,
 }
 
 /// One way in which a part may be made.
@@ -124,8 +147,37 @@ impl Recognition {
         if !self.parts.iter().flat_map(|part| &part.numbers).all(|number| numbers.insert(*number)) {
             return Some("a region is in two of its pieces".to_owned());
         }
+        let is_known = |found: &Found| {
+            let are_parts = !found.cut_from.is_empty() && found.cut_from.iter().all(|part| *part < self.parts.len());
+            are_parts && found.thing < self.unnumbered.len()
+        };
+        if !self.parts.iter().filter_map(|part| part.found.as_ref()).all(is_known) {
+            return Some("a piece in it is a thing that it does not name".to_owned());
+        }
         let masses = self.hypotheses.iter().map(|of| of.mass_kg).chain(self.unnumbered.iter().map(|of| of.mass_kg));
         (!masses.into_iter().all(Range::is_positive)).then(|| "a mass in it is impossible".to_owned())
+    }
+
+    /// The same with the regions that were found later, each a part of its own, which may be made as the part is from which it was cut.
+    pub fn with(mut self, found: &[FoundThing]) -> Self {
+        for FoundThing { thing, id, cut_from } in found {
+            let Some(named) = self.unnumbered.get(*thing) else { continue };
+            let part_with = |region: &u16| self.parts.iter().position(|of| of.numbers.contains(region));
+            let mut around: Vec<usize> = Vec::new();
+            for part in cut_from.iter().filter_map(part_with) {
+                if !around.contains(&part) {
+                    around.push(part);
+                }
+            }
+            let Some(first) = around.first() else { continue };
+            self.parts.push(RecognizedPart {
+                numbers: vec![*id],
+                caption: named.what.clone(),
+                choices: self.parts[*first].choices.clone(),
+                found: Some(Found { thing: *thing, cut_from: around }),
+            });
+        }
+        self
     }
 
     /// For each region, the first region of its part, by which the part goes.
@@ -259,7 +311,8 @@ fn part(written: &WrittenPiece, hypotheses: usize, library: &MaterialLibrary) ->
     numbers.sort_unstable();
     let caption = written.caption.trim();
     let choices = written.choices.iter().map(|choice| self::choice(choice, caption, hypotheses, library));
-    Ok(RecognizedPart { numbers, caption: caption.to_owned(), choices: choices.collect::<Result<_, _>>()? })
+    let choices = choices.collect::<Result<_, _>>()?;
+    Ok(RecognizedPart { numbers, caption: caption.to_owned(), choices, found: None })
 }
 
 fn choice(

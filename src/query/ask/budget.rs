@@ -97,6 +97,15 @@ impl Budget {
         Self { price, max_usd, books: Mutex::new(Books { spent, ..Books::default() }) }
     }
 
+    /// A budget of which this much has been spent before.
+    pub fn after(spent: Option<Spent>, price: Option<Price>, max_usd: Option<f64>) -> Self {
+        let budget = Self::new(price, max_usd);
+        if let Some(spent) = spent {
+            budget.books().spent = spent;
+        }
+        budget
+    }
+
     /// The model's price, if it is known.
     pub fn price(&self) -> Option<&Price> {
         self.price.as_ref()

@@ -18,7 +18,7 @@ use serde::{Deserialize, Serialize};
 use super::follow_up::Why;
 use crate::materials::MaterialLibrary;
 use crate::query::{
-    AlternativeMaterial, Answer, DirectGuess, Form, Inside, Outcome, Recognition, RecognizedPart, SubjectId,
+    AlternativeMaterial, Answer, DirectGuess, Form, Found, Inside, Outcome, Recognition, RecognizedPart, SubjectId,
     WholeOutcome,
 };
 use crate::units::Range;
@@ -64,6 +64,9 @@ pub struct PartQuestion {
     pub why: Why,
     /// `None` if it is not recorded, and nobody could be asked.
     pub outcome: Option<Outcome>,
+    /// True if what it showed turned out to be no part of its own, but belongs to this part: the answer counts for nothing.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub in_vain: bool,
 }
 
 /// A way in which a part may be made.
@@ -117,7 +120,7 @@ impl ObjectAnswers {
 
     /// The question about the part of this index by itself, if there was one.
     pub fn question_about(&self, part: usize) -> Option<&PartQuestion> {
-        self.questions.iter().find(|question| question.part == part)
+        self.questions.iter().find(|question| question.part == part && !question.in_vain)
     }
 
     /// By part, the ways in which it may be made: those of its choices, in their order, and what an answer adds.
@@ -125,11 +128,44 @@ impl ObjectAnswers {
         let of_part = |(index, part): (usize, &RecognizedPart)| {
             let stated = self.stated(part);
             match self.question_about(index).and_then(PartQuestion::answer) {
-                Some(said) => weighed(stated, &named(said, library)),
+                Some(said) => weighed(stated, &named(said, library), self.outside(part)),
                 None => stated,
             }
         };
         self.recognition.parts.iter().enumerate().map(of_part).collect()
+    }
+
+    /// The same without the parts that were found later of which no answer says that they are made of something else than what lies around
+    /// them.
+    pub fn without_unproven(mut self) -> Self {
+        // From the last on, so that the indices of those before them hold.
+        for index in (0..self.recognition.parts.len()).rev() {
+            let Some(Found { cut_from, .. }) = self.recognition.parts[index].found.clone() else { continue };
+            let around = cut_from.iter().flat_map(|part| &self.recognition.parts[*part].choices);
+            let is_other = |said: &&Answer| around.clone().all(|choice| choice.answer.family != said.family);
+            let said = self.question_about(index).and_then(PartQuestion::answer).filter(is_other);
+            if let Some(caption) = said.map(|said| said.caption.clone()) {
+                let part = &mut self.recognition.parts[index];
+                part.choices.iter_mut().for_each(|choice| choice.answer.caption.clone_from(&caption));
+                part.caption = caption;
+                continue;
+            }
+            self.recognition.parts.remove(index);
+            for question in &mut self.questions {
+                if question.part == index {
+                    (question.part, question.in_vain) = (cut_from[0], true);
+                }
+                question.part -= usize::from(question.part > index);
+            }
+        }
+        self
+    }
+
+    /// How probable it is that a part is made in none of the ways that the answer about the object gives: of a thing that was found
+    /// where that answer names one, it only gives those of what lies around it.
+    fn outside(&self, part: &RecognizedPart) -> f64 {
+        let thing = part.found.as_ref().and_then(|found| self.recognition.unnumbered.get(found.thing));
+        thing.map_or(OUTSIDE, |thing| thing.probability.clamp(OUTSIDE, MOST))
     }
 
     fn stated(&self, part: &RecognizedPart) -> Vec<Alternative> {
@@ -205,8 +241,8 @@ fn probability_of<'a>(named: impl IntoIterator<Item = &'a Answer>) -> f64 {
     named.into_iter().map(|of| of.confidence).sum()
 }
 
-/// The alternatives after an answer about the part that [`named`] these.
-fn weighed(mut alternatives: Vec<Alternative>, named: &[Answer]) -> Vec<Alternative> {
+/// The alternatives after an answer about the part that [`named`] these; `prior_of_outside` is the probability that none of them is right.
+fn weighed(mut alternatives: Vec<Alternative>, named: &[Answer], prior_of_outside: f64) -> Vec<Alternative> {
     let half_of_rest = 0.5 * (1.0 - probability_of(named));
     let is_named = |of: &Answer| named.iter().any(|said| said.material == of.material);
     let is_a_choice = |said: &Answer| alternatives.iter().any(|of| of.answer.material == said.material);
@@ -231,10 +267,10 @@ fn weighed(mut alternatives: Vec<Alternative>, named: &[Answer]) -> Vec<Alternat
         return alternatives;
     };
     let (hypotheses, caption) = (under.len(), answer.caption.clone());
-    alternatives.iter_mut().flat_map(|of| &mut of.under).for_each(|probability| *probability *= 1.0 - OUTSIDE);
+    alternatives.iter_mut().flat_map(|of| &mut of.under).for_each(|probability| *probability *= 1.0 - prior_of_outside);
     alternatives.extend(outside.into_iter().map(|said| Alternative {
         answer: Answer { caption: caption.clone(), ..said.clone() },
-        under: vec![OUTSIDE * said.confidence / all_outside; hypotheses],
+        under: vec![prior_of_outside * said.confidence / all_outside; hypotheses],
         likelihood: all_outside * RIGHT * RIGHT,
         stated_probability: 0.0,
     }));
@@ -292,7 +328,7 @@ fn together(a: Range, b: Range) -> Range {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::{Choice, Hypothesis, Match};
+    use crate::query::{Choice, Hypothesis, Match, Unnumbered};
 
     fn answer(material: &str, confidence: f64) -> Answer {
         let row = MaterialLibrary::builtin().get(material).unwrap();
@@ -317,6 +353,7 @@ mod tests {
             numbers: vec![1],
             caption: "a globe".to_owned(),
             choices: choices.iter().map(choice).collect(),
+            found: None,
         };
         let recognition = Recognition {
             object: "a thing".to_owned(),
@@ -331,6 +368,7 @@ mod tests {
             subject: SubjectId::Part(1),
             why: Why::Material { probability: 0.6, view_share: 0.1 },
             outcome: Some(Outcome::Answered(said)),
+            in_vain: false,
         };
         ObjectAnswers { recognition, questions: vec![question], guess: None }
     }
@@ -372,6 +410,44 @@ mod tests {
         // 0.9 x 0.1 against 0.1 x 0.8.
         let found = probabilities(&answers);
         assert!((found[1] - 0.08 / 0.17).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn an_answer_about_what_was_found_later_counts_for_more_than_what_lies_around_it() {
+        let choices = [(&[0, 1][..], 1.0, answer("steel, mild", 1.0))];
+        let mut answers = asked(&choices, answer("abs", 0.8));
+        let label = Unnumbered {
+            what: "a label".to_owned(),
+            probability: 0.9,
+            place: Some((0, [0.5, 0.5])),
+            mass_kg: Range::new(0.001, 0.002),
+        };
+        answers.recognition.unnumbered = vec![label];
+        answers.recognition.parts[0].found = Some(Found { thing: 0, cut_from: vec![0] });
+        let found = probabilities(&answers);
+        // 0.1 x 0.1 against 0.9 x 0.8.
+        assert!((found[1] - 0.72 / 0.73).abs() < 1e-12, "{found:?}");
+    }
+
+    #[test]
+    fn what_was_found_later_is_a_part_if_it_is_made_of_something_else() {
+        let choices = [(&[0, 1][..], 1.0, answer("steel, mild", 1.0))];
+        let parts_if = |said: Option<&str>| {
+            let mut answers = asked(&choices, answer(said.unwrap_or("abs"), 0.8));
+            let around = answers.recognition.parts[0].clone();
+            let found = Some(Found { thing: 0, cut_from: vec![0] });
+            answers.recognition.parts.push(RecognizedPart { numbers: vec![2], found, ..around });
+            answers.questions[0].part = 1;
+            if said.is_none() {
+                answers.questions[0].outcome = None;
+            }
+            let settled = answers.without_unproven();
+            let numbers: Vec<_> = settled.recognition.parts.iter().map(|part| part.numbers.clone()).collect();
+            (numbers, settled.question_about(1).is_some(), settled.question_about(0).is_some())
+        };
+        assert_eq!(parts_if(Some("abs")), (vec![vec![1], vec![2]], true, false));
+        assert_eq!(parts_if(Some("stainless steel 304")), (vec![vec![1]], false, false), "of the same family");
+        assert_eq!(parts_if(None), (vec![vec![1]], false, false), "nobody has said so");
     }
 
     #[test]

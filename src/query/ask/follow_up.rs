@@ -54,6 +54,9 @@ pub enum Why {
     Mass { variance_share: f64 },
     /// Its likeliest family of materials is no more probable than this, and it is this share of the object in some view.
     Material { probability: f64, view_share: f64 },
+    /// It was found where the answer about the object names something without a number, so that answer does not say what it is
+    /// made of.
+    Found,
 }
 
 /// The words that follow "because".
@@ -70,6 +73,7 @@ impl std::fmt::Display for Why {
                 percent(probability),
                 percent(view_share)
             ),
+            Self::Found => f.write_str("it had no number when the model was asked what the object is made of"),
         }
     }
 }
@@ -85,7 +89,9 @@ pub struct FollowUp {
 /// The parts to ask about, the most worthwhile first.
 pub fn follow_ups(recognition: &Recognition, regions: &[Region], library: &MaterialLibrary) -> Vec<FollowUp> {
     let regions: BTreeMap<u16, Region> = regions.iter().map(|region| (region.id, *region)).collect();
-    let mut due = for_mass(recognition, &regions, library);
+    let new = recognition.parts.iter().enumerate().filter(|(_, part)| part.found.is_some());
+    let mut due: Vec<FollowUp> = new.map(|(part, _)| FollowUp { part, why: Why::Found }).collect();
+    due.extend(for_mass(recognition, &regions, library));
     let undecided = for_material(recognition, &regions);
     let is_new = |of: &FollowUp| due.iter().all(|other| other.part != of.part);
     let undecided: Vec<FollowUp> = undecided.into_iter().filter(is_new).collect();
@@ -126,7 +132,8 @@ fn for_material(recognition: &Recognition, regions: &BTreeMap<u16, Region>) -> V
         let is_due = probability < DECIDED && view_share >= VISIBLE_SHARE;
         is_due.then_some((view_share, FollowUp { part, why: Why::Material { probability, view_share } }))
     };
-    let mut due: Vec<(f64, FollowUp)> = parts.iter().enumerate().filter_map(undecided).collect();
+    let of_answer = parts.iter().enumerate().filter(|(_, of)| of.found.is_none());
+    let mut due: Vec<(f64, FollowUp)> = of_answer.filter_map(undecided).collect();
     due.sort_by(|(a, _), (b, _)| b.total_cmp(a));
     due.into_iter().map(|(_, follow_up)| follow_up).collect()
 }
@@ -149,6 +156,10 @@ fn regions_of<'a>(part: &RecognizedPart, regions: &'a BTreeMap<u16, Region>) -> 
 fn masses(part: &RecognizedPart, regions: &BTreeMap<u16, Region>, library: &MaterialLibrary) -> Option<Vec<f64>> {
     let of_region =
         |answer: &Answer, region: &Region| Some(region.area_share * areal_density(answer, region.depth_m?, library));
+    // What was found later weighs what the answer says, whatever it is made of.
+    if part.found.is_some() {
+        return Some(vec![0.0; part.choices.len()]);
+    }
     let of_choice = |answer: &Answer| regions_of(part, regions).map(|region| of_region(answer, region)).sum();
     part.choices.iter().map(|choice| of_choice(&choice.answer)).collect()
 }
@@ -203,7 +214,7 @@ fn between(hypotheses: &[Hypothesis], part: &RecognizedPart, masses: &[f64]) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::Choice;
+    use crate::query::{Choice, Found};
 
     fn answer(material: &str, form: Form) -> Answer {
         Answer { form, ..Answer::of(MaterialLibrary::builtin().get(material).unwrap()) }
@@ -221,6 +232,7 @@ mod tests {
             numbers: vec![number],
             caption: "a part".to_owned(),
             choices: choices.iter().map(choice).collect(),
+            found: None,
         }
     }
 
@@ -283,6 +295,16 @@ mod tests {
         };
         assert!(imitation(0.04).is_empty());
         assert_eq!(imitation(0.2).len(), 1);
+    }
+
+    #[test]
+    fn what_was_found_later_is_asked_about_first() {
+        let steel_or_plastic = [("steel, mild", 0.7), ("abs", 0.3)];
+        let found = Some(Found { thing: 0, cut_from: vec![0] });
+        let parts = vec![part(1, &steel_or_plastic), RecognizedPart { found, ..part(2, &steel_or_plastic) }];
+        let due = due(&object(parts, 0.0, Range::new(1.0, 1.0)), &regions([0.5, 0.5, 0.0], Some(0.05)));
+        let why: Vec<(usize, bool)> = due.iter().map(|of| (of.part, of.why == Why::Found)).collect();
+        assert_eq!(why, [(1, true), (0, false)]);
     }
 
     #[test]

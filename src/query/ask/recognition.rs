@@ -8,7 +8,7 @@ use crate::query::options::Options;
 use crate::query::question::prompt::{PromptError, Prompts};
 use crate::query::question::schema::Schema;
 use crate::query::question::sheet::Sheet;
-pub use crate::query::question::sheet::sides::{Bare, Side};
+pub use crate::query::question::sheet::sides::{Bare, Layout, Side};
 use crate::query::question::shown_subject::ShownSubject;
 use crate::query::question::{Question, by_kind};
 use crate::query::recorded::Mask;

@@ -2,10 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::{Answered, QuerySession};
+use super::{Answered, AnsweredWhole, QuerySession};
 use crate::error::Result;
 use crate::query::ask::asker::Asker;
-use crate::query::ask::budget::Budget;
 use crate::query::ask::follow_up::{self, FollowUp};
 use crate::query::ask::rounds::{Subject, SubjectInView};
 use crate::query::{
@@ -27,53 +26,58 @@ impl FollowUps {
 }
 
 impl QuerySession<'_> {
-    /// Asks everything that has to be asked, round by round; `begin` gets the questions of each round before they are
-    /// asked. Each answer is recorded as it arrives. Reports the cost before and after.
-    pub fn answer_all(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<Answered<WholeAnswer<Size>>> {
-        self.answer_with_size(begin, Ok)
-    }
-
-    /// As [`Self::answer_all`]. If the size of the object is to be asked, that question comes first, and `of_size` converts
-    /// its answer; if it fails, the run ends before it costs more. If it is to be asked what the object is, that question
-    /// follows, and those about parts that narrow its answer. If it has no answer, parts are asked about instead; where nobody can be
-    /// asked, answers about parts that are recorded serve.
-    pub fn answer_with_size<T>(
+    /// Asks about the object as a whole: how long it is, if that is to be asked, and what it is, if that is. `begin` gets the
+    /// questions before they are asked. Each answer is recorded as it arrives. `of_size` converts the answer about the size; if that
+    /// fails, the run ends before it costs more. Where nobody can be asked what the object is, recorded answers about its parts serve.
+    pub fn answer_whole<T>(
         &self,
         begin: &dyn Fn(&Queries) -> Result<()>,
         of_size: impl FnOnce(WholeAnswer<Size>) -> Result<T>,
-    ) -> Result<Answered<T>> {
-        let asker = self.client.as_ref().map(|client| client as &dyn Asker);
-        let budget = Budget::new(self.price.clone(), self.options.max_usd);
+    ) -> Result<AnsweredWhole<T>> {
         let object = self.about_whole()?;
         begin(&object)?;
         let size = self.whole.size.as_ref();
-        let size = size.map(|size| object.ask_whole(size, &self.recordings, asker, &budget, self.progress));
-        let size = size.transpose()?.map(of_size).transpose().inspect_err(|_| {
-            if budget.spent().requests > 0 {
-                progress::notice(&format!("asked: {}", budget.spent()));
-            }
-        })?;
+        let size = size.map(|size| object.ask_whole(size, &self.recordings, self.asker(), &self.budget, self.progress));
+        let size = size.transpose()?.map(of_size).transpose().inspect_err(|_| self.tell_spent(""))?;
         let recognition = self.whole.recognition.as_ref();
         let recognition =
-            recognition.map(|what| object.ask_whole(what, &self.recordings, asker, &budget, self.progress));
+            recognition.map(|what| object.ask_whole(what, &self.recordings, self.asker(), &self.budget, self.progress));
         let recognition = match recognition.transpose() {
             Err(QueryError::MissingWhole { .. }) if self.parts_are_recorded()? => None,
             recognition => recognition?,
         };
-        let recognition = recognition.map(|answer| self.with_follow_ups(answer, begin, asker, &budget)).transpose()?;
+        Ok(AnsweredWhole { size, recognition, spent: self.budget.spent() })
+    }
+
+    /// Asks about the parts, round by round: those that narrow what the `recognition` says, or all of them without one. `begin` and
+    /// recordings are as for [`Self::answer_whole`]. Reports the cost before and after.
+    pub fn answer_parts(
+        &self,
+        recognition: Option<WholeAnswer<Recognition>>,
+        begin: &dyn Fn(&Queries) -> Result<()>,
+    ) -> Result<Answered> {
+        let recognition = recognition.map(|answer| self.with_follow_ups(answer, begin)).transpose()?;
         let recognized = recognition.as_ref().and_then(|answer| answer.outcome.answered());
         let answers = match recognized {
             Some(recognized) => self.of_parts(recognized),
-            None => self.of_subjects(begin, asker, &budget)?,
+            None => self.of_subjects(begin)?,
         };
-        let spent = budget.spent();
+        let (failed, all) = (answers.failed().count(), answers.all.len());
+        let about = if recognized.is_some() { String::new() } else { format!("; {failed} of {all} questions failed") };
+        self.tell_spent(&about);
+        Ok(Answered { answers, recognition })
+    }
+
+    /// Reports what was spent, if anything was.
+    pub fn tell_spent(&self, about: &str) {
+        let spent = self.budget.spent();
         if spent.requests > 0 {
-            let (failed, all) = (answers.failed().count(), answers.all.len());
-            let about =
-                if recognized.is_some() { String::new() } else { format!("; {failed} of {all} questions failed") };
             progress::notice(&format!("asked: {spent}{about}"));
         }
-        Ok(Answered { answers, size, recognition })
+    }
+
+    fn asker(&self) -> Option<&dyn Asker> {
+        self.client.as_ref().map(|client| client as &dyn Asker)
     }
 
     /// The answer about the object with those about the parts that are worth a question. One that is not recorded and cannot be
@@ -82,20 +86,18 @@ impl QuerySession<'_> {
         &self,
         WholeAnswer { view, outcome }: WholeAnswer<Recognition>,
         begin: &dyn Fn(&Queries) -> Result<()>,
-        asker: Option<&dyn Asker>,
-        budget: &Budget,
     ) -> Result<WholeAnswer<ObjectAnswers>> {
         let recognition = match outcome {
-            WholeOutcome::Answered(recognition) => recognition,
+            WholeOutcome::Answered(recognition) => recognition.with(&self.found),
             WholeOutcome::Failed(failure) => return Ok(WholeAnswer { view, outcome: WholeOutcome::Failed(failure) }),
         };
         let due = self.follow_ups(&recognition);
         let places = due.places();
         let round = self.prepare_follow_ups(&places)?;
         begin(&round)?;
-        let outcomes: Vec<Option<Outcome>> = match asker.filter(|_| self.options.answers.may_ask()) {
-            Some(_) => {
-                let run = round.run(&self.recordings, asker, budget, self.progress)?;
+        let outcomes: Vec<Option<Outcome>> = match self.asker().filter(|_| self.options.answers.may_ask()) {
+            Some(asker) => {
+                let run = round.run(&self.recordings, Some(asker), &self.budget, self.progress)?;
                 run.answers.all.into_iter().map(|answer| Some(answer.outcome)).collect()
             }
             None => round.recorded(&self.recordings, None),
@@ -107,18 +109,21 @@ impl QuerySession<'_> {
             subject: SubjectId::of(self.about, place.id),
             why,
             outcome: by_place[&place].clone(),
+            in_vain: false,
         });
         let questions = questions.collect();
-        let guess = self.guess_question(asker, budget)?;
-        Ok(WholeAnswer { view, outcome: WholeOutcome::Answered(ObjectAnswers { recognition, questions, guess }) })
+        let guess = self.guess_question(begin)?;
+        let answers = ObjectAnswers { recognition, questions, guess }.without_unproven();
+        Ok(WholeAnswer { view, outcome: WholeOutcome::Answered(answers) })
     }
 
     /// The question how heavy the object is, if that is to be asked; left open as those about parts are.
-    fn guess_question(&self, asker: Option<&dyn Asker>, budget: &Budget) -> Result<Option<GuessQuestion>> {
+    fn guess_question(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<Option<GuessQuestion>> {
         let Some(question) = &self.whole.direct else { return Ok(None) };
         let object = self.about_whole()?;
+        begin(&object)?;
         let view = question.shown().view.clone();
-        let outcome = match object.ask_whole(question, &self.recordings, asker, budget, self.progress) {
+        let outcome = match object.ask_whole(question, &self.recordings, self.asker(), &self.budget, self.progress) {
             Ok(WholeAnswer { outcome, .. }) => Some(outcome),
             Err(QueryError::MissingWhole { .. }) => None,
             Err(error) => return Err(error.into()),
@@ -167,12 +172,7 @@ impl QuerySession<'_> {
     }
 
     /// The answers about the subjects, round by round.
-    fn of_subjects(
-        &self,
-        begin: &dyn Fn(&Queries) -> Result<()>,
-        asker: Option<&dyn Asker>,
-        budget: &Budget,
-    ) -> Result<Answers> {
+    fn of_subjects(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<Answers> {
         let mut answers = BTreeMap::new();
         loop {
             let due = self.due(&answers);
@@ -181,7 +181,7 @@ impl QuerySession<'_> {
             }
             let round = self.prepare(&due)?;
             begin(&round)?;
-            let run = round.run(&self.recordings, asker, budget, self.progress)?;
+            let run = round.run(&self.recordings, self.asker(), &self.budget, self.progress)?;
             let is_fruitless = run.answers.failed().count() == run.answers.all.len();
             answers.extend(due.into_iter().zip(run.answers.all.into_iter().map(|answer| answer.outcome)));
             // Answers may call for more questions. Failures do not: the next ones would fail as well.
@@ -229,14 +229,10 @@ impl QuerySession<'_> {
     /// How heavy the object is, as a model judges it from the photos alone; `None` if that is not to be asked.
     pub fn direct_guess(&self, begin: &dyn Fn(&Queries) -> Result<()>) -> Result<Option<WholeAnswer<DirectGuess>>> {
         let Some(question) = &self.whole.direct else { return Ok(None) };
-        let asker = self.client.as_ref().map(|client| client as &dyn Asker);
-        let budget = Budget::new(self.price.clone(), self.options.max_usd);
         let object = self.about_whole()?;
         begin(&object)?;
-        let guess = object.ask_whole(question, &self.recordings, asker, &budget, self.progress)?;
-        if budget.spent().requests > 0 {
-            progress::notice(&format!("asked: {}", budget.spent()));
-        }
+        let guess = object.ask_whole(question, &self.recordings, self.asker(), &self.budget, self.progress)?;
+        self.tell_spent("");
         Ok(Some(guess))
     }
 }

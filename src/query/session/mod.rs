@@ -18,6 +18,7 @@ use serde::Serialize;
 use crate::consensus::AskAbout;
 use crate::error::{Result, UsageError};
 use crate::materials::MaterialLibrary;
+use crate::query::ask::budget::{Budget, Spent};
 use crate::query::ask::cost::Price;
 use crate::query::ask::rounds::{Subject, SubjectInView};
 use crate::query::ask::{direct, recognition, size};
@@ -25,8 +26,8 @@ use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Form, Imported};
 use crate::query::recorded::Recordings;
 use crate::query::{
-    Answers, AnyWholeQuestion, Bare, DirectGuess, ObjectAnswers, Options, Prompts, Purpose, Queries, Recognition,
-    Region, Side, Size, WHOLE, WholeAnswer, WholeQuestion,
+    Answers, AnyWholeQuestion, Bare, DirectGuess, FoundThing, Layout, ObjectAnswers, Options, Prompts, Purpose,
+    Queries, Recognition, Region, Side, Size, Unnumbered, WHOLE, WholeAnswer, WholeQuestion,
 };
 use crate::scene::Photo;
 use crate::segment::LabelMap;
@@ -35,7 +36,7 @@ use crate::words::progress::Progress;
 use crate::workdir::{self, Artifact, WorkDir, WorkDirError};
 
 use set_up::{RECORDINGS, SPARE_RECORDINGS};
-pub use set_up::{candidates, check_recordings, price, prompts, recording_folders};
+pub use set_up::{candidates, check_recordings, price, prompts, recording_folders, schemas_about_whole};
 
 /// Views, with the options for asking about them.
 pub struct QuerySession<'a> {
@@ -46,7 +47,11 @@ pub struct QuerySession<'a> {
     ask_views: usize,
     about: AskAbout,
     whole: AboutWhole,
+    /// The sides that the question what the object is shows, with the regions that it numbers.
+    numbered: Vec<NumberedView<'a>>,
     regions: Vec<Region>,
+    found: Vec<FoundThing>,
+    budget: Budget,
     prompts: Prompts,
     /// The materials to choose from.
     library: Cow<'a, MaterialLibrary>,
@@ -66,18 +71,22 @@ pub struct Subjects<'a> {
     /// Number of views in which each subject is asked about first.
     pub ask_views: usize,
     pub about: AskAbout,
-    pub whole: WholeViews,
+    pub whole: WholeViews<'a>,
     /// Every part and piece, if it is asked what the object is.
     pub regions: Vec<Region>,
+    /// Those that were found where the answer what the object is names something without a number.
+    pub found: Vec<FoundThing>,
+    /// What was spent on earlier questions of the same run.
+    pub spent: Option<Spent>,
 }
 
 /// The views, by index, in which questions about the whole object are asked; none where a question is not to be asked.
 #[derive(Default)]
-pub struct WholeViews {
+pub struct WholeViews<'a> {
     /// How long it is.
     pub size: Option<usize>,
-    /// What it is: the regions to number are those of the last label map of each view.
-    pub recognition: Vec<usize>,
+    /// What it is.
+    pub recognition: Vec<NumberedView<'a>>,
     /// How heavy it is.
     pub direct: Vec<usize>,
     /// The outer size of the object in words, if it is known.
@@ -88,18 +97,34 @@ pub struct WholeViews {
     pub hints: Option<String>,
 }
 
+/// A view, by index, with the regions to number in it, which may be fewer than those that are asked about later.
+pub struct NumberedView<'a> {
+    pub view: usize,
+    /// Of the photo's size.
+    pub map: Cow<'a, LabelMap>,
+}
+
 /// The questions about the whole object that are to be asked.
 struct AboutWhole {
     size: Option<WholeQuestion<Size>>,
     recognition: Option<WholeQuestion<Recognition>>,
+    /// Where the sheet of that question shows the views.
+    layout: Option<Layout>,
     direct: Option<WholeQuestion<DirectGuess>>,
 }
 
-/// Everything that was answered.
-pub struct Answered<T> {
-    pub answers: Answers,
+/// What was answered about the object as a whole.
+pub struct AnsweredWhole<T> {
     /// What follows from the size of the object, if that was to be asked.
     pub size: Option<T>,
+    /// What the object is, if that was to be asked.
+    pub recognition: Option<WholeAnswer<Recognition>>,
+    pub spent: Spent,
+}
+
+/// What was answered about its parts.
+pub struct Answered {
+    pub answers: Answers,
     /// What the object is, if that was to be asked.
     pub recognition: Option<WholeAnswer<ObjectAnswers>>,
 }
@@ -146,7 +171,7 @@ impl<'a> QuerySession<'a> {
     /// A session about the subjects.
     pub fn new(
         options: &'a Options,
-        Subjects { views, subjects, ask_views, about, whole, regions }: Subjects<'a>,
+        Subjects { views, subjects, ask_views, about, whole, regions, found, spent }: Subjects<'a>,
         library: &'a MaterialLibrary,
         Folders { home, work }: Folders<'a>,
         network: Result<(), Offline>,
@@ -162,18 +187,21 @@ impl<'a> QuerySession<'a> {
         let read_from: Vec<&Path> = read_from.iter().map(PathBuf::as_path).collect();
         let prompts = prompts(options)?;
         let library = candidates(options, library)?;
-        let whole = AboutWhole::new(&whole, &views, &prompts, &library, options)?;
+        let price = price(options)?;
         Ok(Self {
             options,
-            whole,
+            whole: AboutWhole::new(&whole, &views, &prompts, &library, options)?,
+            numbered: whole.recognition,
             views,
             subjects,
             ask_views,
             about,
             regions,
+            found,
+            budget: Budget::after(spent, price.clone(), options.max_usd),
             prompts,
             library,
-            price: price(options)?,
+            price,
             own_recordings: home.join(RECORDINGS),
             recordings: Recordings::open(&read_from, write_to)?.with_spare(&spare)?,
             client: Client::new(
@@ -238,6 +266,16 @@ impl<'a> QuerySession<'a> {
         Ok(Pruned { kept: kept.len(), removed: useless.len() })
     }
 
+    /// The index of the view, and the place in its photo in pixels, of which the answer what the object is speaks; `None` if its
+    /// sheet shows nothing there.
+    pub fn place_of(&self, thing: &Unnumbered) -> Option<(usize, [f64; 2])> {
+        let (panel, at) = thing.place?;
+        let NumberedView { view, map } = self.numbered.get(panel)?;
+        let QueryView { name, photo, .. } = &self.views[*view];
+        let side = Side { view: name, photo, map: Some(map.as_ref()) };
+        Some((*view, self.whole.layout?.place_in_photo(&side, at)?))
+    }
+
     fn price(&self) -> Option<&Price> {
         self.price.as_ref()
     }
@@ -245,19 +283,18 @@ impl<'a> QuerySession<'a> {
 
 impl AboutWhole {
     fn new(
-        asked: &WholeViews,
+        asked: &WholeViews<'_>,
         views: &[QueryView],
         prompts: &Prompts,
         library: &MaterialLibrary,
         options: &Options,
     ) -> Result<Self> {
-        let side = |view: &usize| -> Side<'_> {
-            let QueryView { name, photo, maps } = &views[*view];
-            Side { view: name, photo, map: maps.last().map(AsRef::as_ref) }
-        };
+        let side = |view: usize, map| Side { view: views[view].name, photo: &views[view].photo, map };
         let size = asked.size.map(|view| size::question(views[view].name, &views[view].photo, prompts, options));
         let outer_size = asked.outer_size.as_deref();
-        let sides: Vec<Side> = asked.recognition.iter().map(side).collect();
+        let sides: Vec<Side> = asked.recognition.iter().map(|of| side(of.view, Some(of.map.as_ref()))).collect();
+        let layout = |sides: &[Side]| Layout::of(sides, outer_size.is_some(), asked.bare, options.sheet_size);
+        let layout = (!sides.is_empty()).then(|| layout(&sides));
         let recognition = (!sides.is_empty()).then(|| {
             let mut numbers: Vec<u16> = sides.iter().filter_map(|side| side.map).flat_map(LabelMap::ids).collect();
             numbers.sort_unstable();
@@ -265,9 +302,10 @@ impl AboutWhole {
             let told = recognition::Told { outer_size, bare: asked.bare, hints: asked.hints.as_deref() };
             recognition::question(&sides, numbers, told, prompts, library.clone(), options)
         });
-        let sides: Vec<Side> = asked.direct.iter().map(side).collect();
+        let sides: Vec<Side> = asked.direct.iter().map(|view| side(*view, None)).collect();
         let direct = (!sides.is_empty()).then(|| direct::question(&sides, outer_size, prompts, options));
-        Ok(Self { size: size.transpose()?, recognition: recognition.transpose()?, direct: direct.transpose()? })
+        let (size, recognition, direct) = (size.transpose()?, recognition.transpose()?, direct.transpose()?);
+        Ok(Self { size, recognition, layout, direct })
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn AnyWholeQuestion> {

@@ -25,7 +25,8 @@ impl QuerySession<'_> {
         if let Some(what) = &self.whole.recognition {
             // Its answer says what is left to ask.
             if let Ok(recognition) = queries.recorded_whole(what, &self.recordings, answerer) {
-                queries.subjects = self.prepare_follow_ups(&self.follow_ups(&recognition).places())?.subjects;
+                let due = self.follow_ups(&recognition.with(&self.found));
+                queries.subjects = self.prepare_follow_ups(&due.places())?.subjects;
             }
             return Ok(queries);
         }

@@ -3,13 +3,16 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
+
 use crate::error::{Context, Result, UsageError};
 use crate::files;
 use crate::files::read_scope::ReadScope;
 use crate::materials::MaterialLibrary;
 use crate::query::ask::cost::{Price, PriceTable, UsdPerMtok};
 use crate::query::client;
-use crate::query::{Options, Prompts};
+use crate::query::question::schema::Schema;
+use crate::query::{Options, PromptError, Prompts, Sha256Hex};
 use crate::scene::{Reference, SceneError};
 use crate::workdir::WorkDir;
 
@@ -39,6 +42,15 @@ pub fn recording_folders(options: &Options, home: &Path) -> Vec<PathBuf> {
 /// The built-in prompts or the user's.
 pub fn prompts(options: &Options) -> Result<Prompts> {
     Ok(options.prompts.as_deref().map_or_else(|| Ok(Prompts::builtin()), Prompts::from_folder)?)
+}
+
+/// The hashes of the schemas of answers about the whole object: how long it is, and what it is.
+pub fn schemas_about_whole(options: &Options) -> Result<[Sha256Hex; 2]> {
+    let prompts = prompts(options)?;
+    let hash = |(file, schema): (&str, &Value)| -> Result<_, PromptError> {
+        Ok(Schema::new(file, schema.clone(), &[], &[])?.sha256().clone())
+    };
+    Ok([hash(prompts.size_schema())?, hash(prompts.object_schema())?])
 }
 
 /// The materials that a model may choose from.

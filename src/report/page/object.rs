@@ -56,6 +56,7 @@ fn unnumbered(belief: &ObjectBelief, percent: &dyn Fn(f64) -> String) -> Vec<Val
             stated => percent(of.stated_probability),
             probability => percent(of.probability),
             mass => interval(of.mass_kg.into(), 1.0),
+            part => of.part,
         }
     };
     belief.unnumbered.iter().map(thing).collect()

@@ -183,6 +183,18 @@ fn fit<P: Pixel<Subpixel = u8> + 'static>(
     panel
 }
 
+/// The pixel of the photo that a panel of this size shows at `at`, from the panel's upper left corner, from 0 to 1; `None` if it
+/// shows the ground there.
+pub fn place_in_photo(object_box: Area, size: (u32, u32), at: [f64; 2]) -> Option<[f64; 2]> {
+    let (width, height) = fitted((object_box.width(), object_box.height()), size);
+    let along = |at: f64, room: u32, shown: u32, first: u32, from: u32| {
+        let place = (at * f64::from(room) - f64::from((room - shown) / 2)) / f64::from(shown);
+        (0.0..1.0).contains(&place).then(|| f64::from(first) + place * f64::from(from))
+    };
+    let x = along(at[0], size.0, width, object_box.x0, object_box.width())?;
+    Some([x, along(at[1], size.1, height, object_box.y0, object_box.height())?])
+}
+
 /// The labels within a box, on a panel of this size, placed as [`fit`] places the picture; 0 around them.
 pub fn labels(map: &LabelMap, object_box: Area, size: (u32, u32)) -> LabelMap {
     let (width, height) = fitted((object_box.width(), object_box.height()), size);

@@ -30,18 +30,11 @@ impl Sheet {
     /// The object from one to four sides, in panels A to D, on a sheet of at most `longest_side` pixels per side; above them
     /// the outer size of the object, if it is known, and, if `bare` asks for it, the first photos without lines and numbers.
     pub fn of_sides(sides: &[Side], outer_size: Option<&str>, bare: Bare, longest_side: u32) -> Self {
-        let (columns, rows) = if sides.len() > 3 { (2, 2) } else { (sides.len() as u32, 1) };
-        let first = if bare == Bare::First { columns } else { 0 };
-        let unmarked = (0..).zip(sides).take(first as usize).map(|(n, side)| Panel::unmarked(n, side));
-        let panels: Vec<Panel> = unmarked.chain((0..).zip(sides).map(|(n, side)| Panel::of(n, side))).collect();
-        let rows = rows + first / columns;
-        let label = Style::semibold(LABEL_PX * (longest_side / 700).max(1));
-        let head = if outer_size.is_some() { label.height() + GAP } else { 0 };
-        let width = (longest_side - GAP * (columns + 1)) / columns;
-        let room = (longest_side - head - (GAP + label.height()) * rows - GAP) / rows;
-        let most = panels.iter().map(|panel| panel.area.height().saturating_mul(ENLARGED_AT_MOST)).max().unwrap_or(1);
-        let tallest = panels.iter().map(|panel| f64::from(width) / panel.area.aspect()).fold(1.0, f64::max);
-        let height = room.min(most.max(1)).min(tallest as u32).max(1);
+        let Layout { columns, unmarked, head, panel: (width, height), label } =
+            Layout::of(sides, outer_size.is_some(), bare, longest_side);
+        let without_lines = (0..).zip(sides).take(unmarked as usize).map(|(n, side)| Panel::unmarked(n, side));
+        let panels: Vec<Panel> = without_lines.chain((0..).zip(sides).map(|(n, side)| Panel::of(n, side))).collect();
+        let rows = (panels.len() as u32).div_ceil(columns);
         let size = (columns * (width + GAP) + GAP, head + rows * (height + label.height() + GAP) + GAP);
         let mut picture = RgbImage::from_pixel(size.0, size.1, PAPER);
         if let Some(text) = outer_size {
@@ -55,6 +48,43 @@ impl Sheet {
             picture.copy_from(&drawn, x, y + label.height()).expect("the sheet was made for its panels");
         }
         Self { picture }
+    }
+}
+
+/// How the panels of a sheet are laid out, in pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct Layout {
+    columns: u32,
+    /// Number of panels without lines, which come first.
+    unmarked: u32,
+    /// Height of the line with the outer size.
+    head: u32,
+    /// Width and height of every panel.
+    panel: (u32, u32),
+    label: Style,
+}
+
+impl Layout {
+    /// That of [`Sheet::of_sides`].
+    pub fn of(sides: &[Side], has_outer_size: bool, bare: Bare, longest_side: u32) -> Self {
+        let (columns, rows) = if sides.len() > 3 { (2, 2) } else { (sides.len() as u32, 1) };
+        let unmarked = if bare == Bare::First { columns } else { 0 };
+        let rows = rows + unmarked / columns;
+        let label = Style::semibold(LABEL_PX * (longest_side / 700).max(1));
+        let head = if has_outer_size { label.height() + GAP } else { 0 };
+        let width = (longest_side - GAP * (columns + 1)) / columns;
+        let room = (longest_side - head - (GAP + label.height()) * rows - GAP) / rows;
+        let areas = || sides.iter().map(object_area);
+        let most = areas().map(|area| area.height().saturating_mul(ENLARGED_AT_MOST)).max().unwrap_or(1);
+        let tallest = areas().map(|area| f64::from(width) / area.aspect()).fold(1.0, f64::max);
+        let height = room.min(most.max(1)).min(tallest as u32).max(1);
+        Self { columns, unmarked, head, panel: (width, height), label }
+    }
+
+    /// The place in the photo of `side`, in pixels, that its panel shows at `at`, from the panel's upper left corner, from 0 to 1;
+    /// `None` if the panel shows no photo there.
+    pub fn place_in_photo(&self, side: &Side, at: [f64; 2]) -> Option<[f64; 2]> {
+        panel::place_in_photo(object_area(side), self.panel, at)
     }
 }
 
@@ -185,14 +215,41 @@ mod tests {
         assert_eq!(widest_places(&map), [(4, (12, 4))]);
     }
 
-    #[test]
-    fn a_sheet_has_a_panel_for_each_side_and_stays_within_its_size() {
-        let photo = Photo {
+    /// A photo of 60 x 40 pixels whose columns 10 to 50 are the object.
+    fn photo() -> Photo {
+        Photo {
             rgb: RgbImage::from_pixel(60, 40, Rgb([90, 60, 30])),
             foreground: GrayImage::from_fn(60, 40, |x, _| image::Luma([if (10..50).contains(&x) { 255 } else { 0 }])),
             foreground_source: crate::scene::ForegroundSource::Mask,
             over_white: false,
-        };
+        }
+    }
+
+    #[test]
+    fn a_place_in_a_panel_is_one_in_the_photo() {
+        let red = Rgb([255, 0, 0]);
+        let mut photo = photo();
+        (0..4).for_each(|n| photo.rgb.put_pixel(20 + n % 2, 30 + n / 2, red));
+        let side = Side { view: "a", photo: &photo, map: None };
+        for sides in [&[side; 3][..], &[side; 4]] {
+            let layout = Layout::of(sides, true, Bare::First, 700);
+            let (width, height) = layout.panel;
+            let panel = panel::object(&photo, object_area(&side), layout.panel);
+            let is_red = |(_, _, pixel): &(u32, u32, &Rgb<u8>)| pixel.0[0] > 200 && pixel.0[1] < 60;
+            let found: Vec<[f64; 2]> =
+                panel.enumerate_pixels().filter(is_red).map(|(x, y, _)| [f64::from(x), f64::from(y)]).collect();
+            let mean = |axis: usize| found.iter().map(|at| at[axis] + 0.5).sum::<f64>() / found.len() as f64;
+            let at = [mean(0) / f64::from(width), mean(1) / f64::from(height)];
+            let [x, y] = layout.place_in_photo(&side, at).unwrap();
+            assert!((x - 21.0).abs() < 0.2 && (y - 31.0).abs() < 0.2, "{x}, {y} in {} panels", sides.len());
+            let beside = [0.5, 0.01];
+            assert!(width * 40 > height * 44 || layout.place_in_photo(&side, beside).is_none(), "it is all photo");
+        }
+    }
+
+    #[test]
+    fn a_sheet_has_a_panel_for_each_side_and_stays_within_its_size() {
+        let photo = photo();
         let map = LabelMap { width: 60, height: 40, labels: (0..40 * 60).map(|i| u16::from(i % 60 > 29)).collect() };
         let side = Side { view: "a", photo: &photo, map: Some(&map) };
         for count in 1..=4 {
