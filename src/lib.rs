@@ -58,6 +58,9 @@
 //!  (Scene)                       Parts)                                                     report/ export/
 //! ```
 //!
+//! Between the question what the object is and those about its parts, [`refine`] looks in the photos for what that answer
+//! names and no part shows.
+//!
 //! A mesh becomes flat Gaussians and drawn views in [`scene`], and a capture of several objects one scene for each, so
 //! that the stages after it do not differ.
 //!

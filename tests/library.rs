@@ -70,7 +70,7 @@ fn it_shares_its_work_folder_with_the_program() {
             serde_json::from_slice(&fs::read(out.path().join("run.json")).unwrap()).unwrap();
         record["stages"].as_array().unwrap().iter().filter(|stage| stage["reused"] == true).count()
     };
-    assert_eq!((program(&own), program(&theirs)), (6, 0), "stages that were reused");
+    assert_eq!((program(&own), program(&theirs)), (8, 0), "stages that were reused");
     assert!(contents(own.path()) == contents(theirs.path()));
     let mut again = Pipeline::builder(balls.scene(0)).out(theirs.path()).open().unwrap();
     assert_eq!(again.parts().unwrap(), parts);
@@ -142,7 +142,7 @@ fn a_run_tells_its_steps_and_can_be_cancelled_and_continued() {
     let mut pipeline = builder().on_progress(listener).cancel_with(&token).open().unwrap();
     let error = pipeline.parts().unwrap_err();
     assert_eq!(error.kind(), ErrorKind::Cancelled, "{error}");
-    assert_eq!(*done.lock().unwrap(), ["scene", "segment", "consensus", "query"]);
+    assert_eq!(*done.lock().unwrap(), ["scene", "segment", "consensus", "recognise", "refine", "query"]);
     assert!(steps.lock().unwrap().contains(&("query".to_owned(), 6, 6)), "{steps:?}");
     let work = balls.scene(0).join("gprop");
     assert!(work.join("answers.jsonl").exists() && !work.join("field.ply").exists());

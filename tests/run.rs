@@ -429,10 +429,10 @@ fn commands_say_what_they_found_and_which_stage_of_how_many_is_done() {
     };
     let grasp = said("grasp", &["grasp  ", " N at the ", "places, best first:", " mm wide"], "grasp.json");
     let stages = stage_lines(&grasp);
-    let names = ["scene", "segment", "consensus", "query", "vote", "parts", "grasp"];
+    let names = ["scene", "segment", "consensus", "recognise", "refine", "query", "vote", "parts", "grasp"];
     assert_eq!(stages.len(), names.len(), "{stages:?}");
     for (n, (line, name)) in stages.iter().zip(names).enumerate() {
-        let begin = format!("stage {} of 7  {name}", n + 1);
+        let begin = format!("stage {} of 9  {name}", n + 1);
         assert!(line.starts_with(&begin) && line.ends_with(" s"), "{line} is not {begin}");
     }
     let again = said("segment", &[" segments in 2 views"], "segments/segments.json");

@@ -125,7 +125,7 @@ impl Picture {
             whole: WholeViews::default(),
             regions: Vec::new(),
             found: Vec::new(),
-            spent: None,
+            budget: None,
         };
         let folders = Folders { home, work: &self.work };
         QuerySession::new(query, subjects, &self.library, folders, network, self.progress)

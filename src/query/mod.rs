@@ -23,7 +23,6 @@ pub use answer::labels::{LabelSet, LabelsError};
 pub use answer::recognition::{
     Choice, Found, FoundThing, Hypothesis, Printed, Recognition, RecognizedPart, Unnumbered,
 };
-pub use ask::budget::Spent;
 pub use ask::direct::DirectGuess;
 pub use ask::evidence::{Alternative, GuessQuestion, ObjectAnswers, PartQuestion};
 pub use ask::follow_up::{Region, Why};

@@ -19,11 +19,10 @@ mod sighting;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::scene::Photo;
-use crate::segment::mask::Mask;
 use crate::segment::{SegmentError, Segmenter, SelectionOptions, Shown};
 
 pub use numbering::{Numbering, Sighted};
-use proposals::{ByView, Prompts};
+use proposals::{Masks, Prompts, lit};
 use sighting::{Sighting, is_possible};
 
 /// A view in which to look.
@@ -62,22 +61,24 @@ pub fn look(
     numbering: &mut Numbering,
     selection: &SelectionOptions,
 ) -> Result<Vec<Result<Sighted, Missed>>, SegmentError> {
-    let prompts = Prompts::new(looks, places, numbering.id_of_gaussian.len());
-    let propose = |shown, wanted: &[bool]| prompts.proposals(segmenter, looks, shown, wanted, selection);
+    let count = numbering.id_of_gaussian.len();
+    let prompts = Prompts::new(looks, places, count);
+    let propose = |shown, wanted: &[bool]| prompts.masks(segmenter, looks, shown, wanted, selection);
     let mut found = propose(Shown::Whole, &vec![true; places.len()])?;
     // Where nothing shows more than what has a number, a closer look would not either; it takes as long again.
     let wanted: Vec<bool> =
-        found.iter().map(|by_view| is_possible(by_view, &|view, mask| numbering.is_new(view, mask))).collect();
-    for (by_view, closer) in found.iter_mut().zip(propose(Shown::Enlarged, &wanted)?) {
-        by_view.iter_mut().zip(closer).for_each(|(proposals, more)| proposals.extend(more));
+        found.iter().map(|masks| is_possible(masks, &|view, mask| numbering.is_new(view, mask))).collect();
+    for (masks, closer) in found.iter_mut().zip(propose(Shown::Enlarged, &wanted)?) {
+        masks.iter_mut().zip(closer).for_each(|(masks, more)| masks.extend(more));
     }
-    let add = |by_view: &ByView| {
-        let is_new = |view: usize, mask: &Mask| numbering.is_new(view, mask);
-        if !is_possible(by_view, &is_new) {
+    let add = |masks: &Masks| {
+        // Something may have got its number by now.
+        if !is_possible(masks, &|view, mask| numbering.is_new(view, mask)) {
             return Err(Missed::Numbered);
         }
-        let sighting = Sighting::of(by_view, &is_new).ok_or(Missed::Unconfirmed)?;
-        numbering.add(looks, &sighting).ok_or(Missed::Numbered)
+        let by_view = lit(looks, masks, count);
+        let sighting = Sighting::of(&by_view, &|view, mask| numbering.is_new(view, mask));
+        numbering.add(looks, &sighting.ok_or(Missed::Unconfirmed)?).ok_or(Missed::Numbered)
     };
     Ok(found.iter().map(add).collect())
 }

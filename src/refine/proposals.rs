@@ -7,7 +7,7 @@ use super::{Look, Place};
 use crate::parallel;
 use crate::render::{Projected, RenderOptions, contributions};
 use crate::segment::mask::Mask;
-use crate::segment::{Candidate, SegmentError, Segmenter, SelectionOptions, Shown};
+use crate::segment::{SegmentError, Segmenter, SelectionOptions, Shown};
 
 /// Radius around the place, in pixels, within which a Gaussian's light counts as there.
 const RADIUS: f64 = 2.5;
@@ -19,6 +19,9 @@ const SEEN_SHARE: f32 = 0.5;
 /// SAM's encoder.
 const OTHER_VIEWS: usize = 4;
 
+/// By view, SAM's masks for what is at a place; none in views in which it is not prompted.
+pub(super) type Masks = Vec<Vec<Mask>>;
+
 /// A mask that may show what is at a place.
 pub(super) struct Proposal {
     pub mask: Mask,
@@ -26,15 +29,11 @@ pub(super) struct Proposal {
     pub light: Vec<Light>,
 }
 
-/// By view, SAM's masks for what is at a place; none in views in which it is not prompted.
+/// As [`Masks`], with their light.
 pub(super) type ByView = Vec<Vec<Proposal>>;
 
 /// The points at which to prompt, in pixels, by place and view.
-pub(super) struct Prompts {
-    by_place: Vec<BTreeMap<usize, [f64; 2]>>,
-    /// Number of the object's Gaussians.
-    count: usize,
-}
+pub(super) struct Prompts(Vec<BTreeMap<usize, [f64; 2]>>);
 
 impl Prompts {
     /// Those for these places. `count` is the number of the object's Gaussians.
@@ -43,30 +42,31 @@ impl Prompts {
             let all = light(look, &vec![0; pixels(look)], count).into_iter();
             all.filter(|(.., light)| *light > SEEN_LIGHT).map(|(gaussian, _, light)| (gaussian, light)).collect()
         });
-        Self { by_place: places.iter().map(|place| points(looks, *place, &seen, count)).collect(), count }
+        Self(places.iter().map(|place| points(looks, *place, &seen, count)).collect())
     }
 
-    /// For each place, what SAM proposes if it sees this of the photos; nothing for those places that are not `wanted`.
-    pub fn proposals(
+    /// For each place, the masks that SAM proposes if it sees this of the photos; none for those places that are not `wanted`.
+    pub fn masks(
         &self,
         segmenter: &Segmenter,
         looks: &[Look],
         shown: Shown,
         wanted: &[bool],
         selection: &SelectionOptions,
-    ) -> Result<Vec<ByView>, SegmentError> {
-        let in_view = |view: &usize| -> Result<Vec<Vec<Proposal>>, SegmentError> {
+    ) -> Result<Vec<Masks>, SegmentError> {
+        let in_view = |view: &usize| -> Result<Vec<Vec<Mask>>, SegmentError> {
             let look = &looks[*view];
             let of_place =
                 |(points, wanted): (&BTreeMap<usize, [f64; 2]>, &bool)| points.get(view).filter(|_| *wanted).copied();
-            let here: Vec<Option<[f64; 2]>> = self.by_place.iter().zip(wanted).map(of_place).collect();
+            let here: Vec<Option<[f64; 2]>> = self.0.iter().zip(wanted).map(of_place).collect();
             let points: Vec<[f64; 2]> = here.iter().flatten().copied().collect();
             if points.is_empty() {
                 return Ok(here.iter().map(|_| Vec::new()).collect());
             }
-            let mut masks = segmenter.prompted(look.photo, &points, shown, selection)?.into_iter();
-            let masks_at = |at: Option<[f64; 2]>| at.and_then(|_| masks.next()).unwrap_or_default();
-            Ok(here.into_iter().map(masks_at).map(|masks| lit(look, masks, self.count)).collect())
+            let mut found = segmenter.prompted(look.photo, &points, shown, selection)?.into_iter();
+            let mut masks_at = |at: Option<[f64; 2]>| at.and_then(|_| found.next()).unwrap_or_default();
+            let masks = here.into_iter().map(|at| masks_at(at).into_iter().map(|found| found.mask).collect());
+            Ok(masks.collect())
         };
         let views: Vec<usize> = (0..looks.len()).collect();
         let by_view = parallel::try_map(&views, in_view)?;
@@ -122,26 +122,30 @@ fn where_seen(look: &Look, seen_there: &Seen, anchors: &BTreeMap<u32, f32>) -> O
     (seen >= SEEN_SHARE && is_inside).then_some((all, at))
 }
 
-/// These masks of a view, with the light of the object's Gaussians in them.
-fn lit(look: &Look, mut masks: Vec<Candidate>, count: usize) -> Vec<Proposal> {
+/// The masks of a place with the light of the object's Gaussians, of which there are `count`.
+pub(super) fn lit(looks: &[Look], masks: &Masks, count: usize) -> ByView {
+    parallel::map_range(looks.len(), |view| lit_in(&looks[view], &masks[view], count))
+}
+
+fn lit_in(look: &Look, masks: &[Mask], count: usize) -> Vec<Proposal> {
+    // As many as a label has bits.
+    let masks = &masks[..masks.len().min(u16::BITS as usize)];
     if masks.is_empty() {
         return Vec::new();
     }
-    // As many as a label has bits.
-    masks.truncate(u16::BITS as usize);
     let width = look.camera.intrinsics.width as usize;
     let bits = |pixel: usize| {
         let (x, y) = ((pixel % width) as u32, (pixel / width) as u32);
-        masks.iter().enumerate().fold(0, |bits, (n, of)| bits | u16::from(of.mask.contains(x, y)) << n)
+        masks.iter().enumerate().fold(0, |bits, (n, mask)| bits | u16::from(mask.contains(x, y)) << n)
     };
     let labels: Vec<u16> = (0..pixels(look)).map(bits).collect();
     let found = light(look, &labels, count);
-    let of_mask = |n: usize| {
+    let proposal = |(n, mask): (usize, &Mask)| {
         let inside = |bits: u16, light: f32| if bits >> n & 1 == 1 { light } else { 0.0 };
         let light = found.iter().map(|&(gaussian, bits, all)| Light { gaussian, all, inside: inside(bits, all) });
-        Light::added_up(light.collect())
+        Proposal { mask: mask.clone(), light: Light::added_up(light.collect()) }
     };
-    masks.into_iter().enumerate().map(|(n, of)| Proposal { light: of_mask(n), mask: of.mask }).collect()
+    masks.iter().enumerate().map(proposal).collect()
 }
 
 /// The light of the object's Gaussians in the pixels of each label.

@@ -1,7 +1,7 @@
 //! The masks of several views that show one thing.
 
 use super::agreement::{Light, agreement};
-use super::proposals::{ByView, Proposal};
+use super::proposals::{ByView, Masks, Proposal};
 use crate::segment::mask::Mask;
 
 /// Two masks of different views with at least this agreement show the same thing, as a segment with this IoU shows a part
@@ -23,9 +23,9 @@ pub(super) struct Sighting<'a> {
 }
 
 /// Whether enough views have a mask that is new: otherwise none of these can be confirmed.
-pub(super) fn is_possible(by_view: &ByView, is_new: IsNew) -> bool {
-    let has_new = |(view, proposals): (usize, &Vec<Proposal>)| proposals.iter().any(|of| is_new(view, &of.mask));
-    by_view.iter().enumerate().filter(|of| has_new(*of)).count() >= LEAST_CONFIRMING
+pub(super) fn is_possible(masks: &Masks, is_new: IsNew) -> bool {
+    let has_new = |(view, masks): (usize, &Vec<Mask>)| masks.iter().any(|mask| is_new(view, mask));
+    masks.iter().enumerate().filter(|of| has_new(*of)).count() >= LEAST_CONFIRMING
 }
 
 impl<'a> Sighting<'a> {

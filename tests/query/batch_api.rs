@@ -175,8 +175,8 @@ impl Place {
         let views = self.views.iter().map(view).collect();
         let (home, hidden) = (self.home.path(), Progress::HIDDEN);
         let about = if whole.recognition.is_empty() { AskAbout::Segments } else { AskAbout::Parts };
-        let (regions, found, spent) = (Vec::new(), Vec::new(), None);
-        let subjects = Subjects { views, subjects, ask_views, about, whole, regions, found, spent };
+        let (regions, found, budget) = (Vec::new(), Vec::new(), None);
+        let subjects = Subjects { views, subjects, ask_views, about, whole, regions, found, budget };
         let folders = Folders { home, work: &self.work };
         QuerySession::new(options, subjects, MaterialLibrary::builtin(), folders, Ok(()), hidden).unwrap()
     }

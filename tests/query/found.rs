@@ -8,6 +8,7 @@ use gprop::segment::LabelMap;
 use serde_json::{Value, json};
 
 use super::{a, good_answer_with, with};
+use crate::faults::hostile::forge;
 use crate::run::gprop;
 use crate::support::{models, said};
 
@@ -136,6 +137,28 @@ fn a_grip_that_no_segment_shows_becomes_a_part_that_weighs_what_the_answer_says(
     assert!(again.status.success(), "{}", said(&again));
     let stages = hammer.json("run.json")["stages"].clone();
     assert!(stages.as_array().unwrap().iter().all(|stage| stage["reused"] == true), "{stages}");
+
+    // Files that contradict each other.
+    let work = hammer.0.path().join("gprop");
+    let map = fs::read_dir(work.join("refined")).unwrap().map(|entry| entry.unwrap().path());
+    let map = map.into_iter().find(|path| path.extension().is_some_and(|end| end == "png")).unwrap();
+    let (name, whole) = (map.strip_prefix(&work).unwrap().to_str().unwrap(), fs::read(&map).unwrap());
+    let small = LabelMap::from_png(&whole).unwrap().resized(4, 4).to_png().unwrap();
+    let mut known = hammer.json("refined/refined.json");
+    known["found"][0]["id"] = json!(1);
+    let known = known.to_string();
+    let record = fs::read(work.join("run.json")).unwrap();
+    for (file, bytes, problem) in [
+        (name, small.as_slice(), "does not fit the photo"),
+        ("refined/refined.json", known.as_bytes(), "does not list"),
+    ] {
+        let before = fs::read(work.join(file)).unwrap();
+        forge(&work, file, bytes);
+        let refused = hammer.run(&["run", "--from", "query", "--to", "query"]);
+        assert!(refused.status.code() == Some(2) && said(&refused).contains(problem), "{}", said(&refused));
+        fs::write(work.join(file), before).unwrap();
+        fs::write(work.join("run.json"), &record).unwrap();
+    }
 }
 
 #[test]

@@ -168,6 +168,10 @@ impl FoundParts {
         let map = |view: &View| {
             let artifact = (files.map)(&view.name);
             let map = LabelMap::from_png(&work.read(artifact)?).map_err(|problem| work.damaged(artifact, problem))?;
+            let size = &view.camera.intrinsics;
+            if (map.width, map.height) != (size.width, size.height) {
+                return Err(work.damaged(artifact, "it does not fit the photo").into());
+            }
             let is_known = |&id: &u16| usize::from(id) <= parts.len();
             if !map.labels.iter().all(is_known) {
                 let problem = format!("it shows parts that are not in {}", files.list.path().display());

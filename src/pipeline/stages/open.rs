@@ -14,7 +14,7 @@ use crate::materials::MaterialLibrary;
 use crate::pipeline::hasher::{Hasher, file_digest};
 use crate::pipeline::options::Options;
 use crate::pipeline::segment_files::check_formats;
-use crate::query::Spent;
+use crate::query::ask::budget::Budget;
 use crate::scene::{self, Photo, Scene, SceneError, View};
 use crate::words::progress::{Progress, StageNumber, Watcher};
 use crate::workdir::WorkDir;
@@ -36,22 +36,26 @@ pub struct OpenScene {
     pub watcher: Watcher,
     /// The stage that is being done.
     pub number: Option<StageNumber>,
-    /// What the last questions about the whole object cost.
-    pub spent: LastSpent,
+    /// That of the questions about the whole object, for those about its parts.
+    pub budget: LeftBudget,
     kept: Kept,
 }
 
-/// What was spent on questions, until it is taken into account.
+/// A budget that a stage leaves to the next one that asks.
 #[derive(Default)]
-pub struct LastSpent(Mutex<Option<Spent>>);
+pub struct LeftBudget(Mutex<Option<Budget>>);
 
-impl LastSpent {
-    pub fn set(&self, spent: Spent) {
-        *self.0.lock().unwrap_or_else(PoisonError::into_inner) = Some(spent);
+impl LeftBudget {
+    pub fn leave(&self, budget: Budget) {
+        *self.left() = Some(budget);
     }
 
-    pub fn take(&self) -> Option<Spent> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).take()
+    pub fn take(&self) -> Option<Budget> {
+        self.left().take()
+    }
+
+    fn left(&self) -> MutexGuard<'_, Option<Budget>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -109,7 +113,7 @@ impl OpenScene {
             options,
             watcher,
             number: None,
-            spent: LastSpent::default(),
+            budget: LeftBudget::default(),
             kept: Kept::default(),
         })
     }

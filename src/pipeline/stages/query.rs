@@ -32,7 +32,7 @@ pub(super) const ROW: Row = Row {
 fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let work = &open.work;
     let about = FoundSubjects::of(open)?;
-    let session = session_after(open, &about, &open.options.query, open.spent.take())?;
+    let session = session_after(open, &about, &open.options.query, open.budget.take())?;
     let known = open.get::<AnswerAboutWhole>()?.answer.clone();
     let answered = session.answer_parts(known, &|round| Ok(write_sheets(work, round)?));
     let Answered { mut answers, mut recognition } = answered.map_err(|error| about_scene(error, open))?;

@@ -14,10 +14,11 @@ use crate::files::json;
 use crate::pictures::framing;
 use crate::pipeline::OBJECT;
 use crate::pipeline::hasher::{Hasher, file_digest};
+use crate::query::ask::budget::Budget;
 use crate::query::ask::hints;
 use crate::query::recorded::{Answerer, QuestionId};
 use crate::query::session::{self, Folders, NumberedView, QuerySession, QueryView, Subjects, WholeViews};
-use crate::query::{Bare, Hints, LabelSet, Options, Preview, QueryError, Sha256Hex, Spent};
+use crate::query::{Bare, Hints, LabelSet, Options, Preview, QueryError, Sha256Hex};
 use crate::scene::{ObjectChoice, ScaleChoice, View};
 use crate::segment::LabelMap;
 use crate::words::readable::significant;
@@ -71,12 +72,12 @@ pub fn session_of<'a>(open: &'a OpenScene, about: &'a FoundSubjects, options: &'
     session_after(open, about, options, None)
 }
 
-/// As [`session_of`], if this much was spent on earlier questions of the run.
+/// As [`session_of`], after earlier questions of the run, whose budget this is.
 pub(super) fn session_after<'a>(
     open: &'a OpenScene,
     about: &'a FoundSubjects,
     options: &'a Options,
-    spent: Option<Spent>,
+    budget: Option<Budget>,
 ) -> Result<QuerySession<'a>> {
     let views =
         open.views.iter().enumerate().map(|(number, view)| {
@@ -103,7 +104,7 @@ pub(super) fn session_after<'a>(
     };
     let regions = if whole.recognition.is_empty() { Vec::new() } else { about.regions(open)? };
     let (about, found) = (about.about(), about.found());
-    asking(open, options, Subjects { views, subjects, ask_views, about, whole, regions, found, spent })
+    asking(open, options, Subjects { views, subjects, ask_views, about, whole, regions, found, budget })
 }
 
 /// The sides of the object in the question what it is, with the parts as they are before anyone is asked.
@@ -131,7 +132,7 @@ pub fn direct_session<'a>(open: &'a OpenScene) -> Result<QuerySession<'a>> {
         whole,
         regions: Vec::new(),
         found: Vec::new(),
-        spent: None,
+        budget: None,
     };
     asking(open, &open.options.query, subjects)
 }

@@ -67,15 +67,16 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let session = session_of(open, &about, &open.options.query)?;
     let answered =
         session.answer_whole(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer));
-    let AnsweredWhole { size, recognition: answer, spent } = answered.map_err(|error| about_scene(error, open))?;
-    if job.is_last {
-        session.tell_spent("");
-    }
-    open.spent.set(spent);
+    let AnsweredWhole { size, recognition: answer } = answered.map_err(|error| about_scene(error, open))?;
     let place = |(view, at): (usize, [f64; 2])| NamedPlace { view: open.views[view].name.clone(), at };
     let known = answer.as_ref().and_then(|answer| answer.outcome.answered());
     let things = known.map_or(&[][..], |known| &known.unnumbered).iter();
     let places = things.map(|thing| session.place_of(thing).map(place)).collect();
+    let budget = session.into_budget();
+    if job.is_last {
+        budget.spent().tell("");
+    }
+    open.budget.leave(budget);
     let recognised = AnswerAboutWhole { answer, places };
     work.write_json(Artifact::Recognition, &recognised)?;
     let shown = recognised.answer.as_ref().map(|answer| whole_sheet(Purpose::Recognition, &answer.view));
@@ -132,23 +133,20 @@ pub fn estimated_scale(work: &WorkDir) -> Result<Option<MetricScale>, WorkDirErr
 }
 
 /// True if answers of an earlier run are not to be reused: either the model is to be asked regardless of recordings, or it can be
-/// asked again what it failed to answer, or an answer may be recorded by now.
+/// asked again what it failed to answer.
 fn asks_anew(open: &OpenScene) -> bool {
-    let Ok(known) = open.get::<AnswerAboutWhole>() else { return true };
-    let is_asked = open.options.consensus.ask == AskAbout::Object;
-    let may_be_recorded = is_asked && known.answer.is_none();
+    let Ok(known) = open.get::<AnswerAboutWhole>() else { return false };
     let no_size = || {
         let asked = open.options.scene.scale == ScaleChoice::Estimate;
         asked && estimated_scale(&open.work).is_ok_and(|scale| scale.is_none())
     };
-    let has_failed = || no_size() || known.answer.as_ref().is_some_and(|answer| answer.outcome.answered().is_none());
+    let has_failed = || no_size() || (open.options.consensus.ask == AskAbout::Object && known.known().is_none());
     let options = &open.options.query;
-    may_be_recorded
-        || match options.answers {
-            AnswerSource::Replay | AnswerSource::Partial => false,
-            AnswerSource::Record => options.lmm_url.is_some() && has_failed(),
-            AnswerSource::Live => true,
-        }
+    match options.answers {
+        AnswerSource::Replay | AnswerSource::Partial => false,
+        AnswerSource::Record => options.lmm_url.is_some() && has_failed(),
+        AnswerSource::Live => true,
+    }
 }
 
 impl AnswerAboutWhole {

@@ -14,7 +14,7 @@ use crate::workdir::Artifact;
 
 use super::consensus::{FoundPart, FoundParts, PartFiles, Unasked, views_of_parts, write_gaussians};
 use super::recognise::AnswerAboutWhole;
-use super::{Done, Job, OpenScene, Row, Stage, Stored, never};
+use super::{Done, Job, OpenScene, Row, Stage, Stored};
 use crate::pipeline::hasher::Hasher;
 use crate::pipeline::segment_files::{models_key, open_segmenter};
 use crate::words::output::counted;
@@ -30,6 +30,9 @@ pub struct RefinedFile {
     found: Vec<FoundThing>,
     /// All parts, if anything was found.
     parts: Vec<FoundPart>,
+    /// True if nothing could be looked for.
+    #[serde(default)]
+    lacks_sam: bool,
 }
 
 /// A thing without a number, and what came of looking for it.
@@ -54,7 +57,8 @@ pub(super) const ROW: Row = Row {
     options: &[],
     result: Artifact::Refined,
     key,
-    is_stale: never,
+    // SAM may be there by now.
+    is_stale: |open, _| open.get::<RefinedFile>().is_ok_and(|file| file.lacks_sam),
     run,
 };
 
@@ -63,8 +67,13 @@ fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
     Ok(inputs.with(models_key(&open.options.setup).as_bytes()).with_json(selection).hex())
 }
 
-fn run(open: &OpenScene, _: &Job) -> Result<Done> {
+fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let work = &open.work;
+    if job.is_last
+        && let Some(budget) = open.budget.take()
+    {
+        budget.spent().tell("");
+    }
     work.remove(Artifact::Refined)?;
     let known = open.get::<AnswerAboutWhole>()?;
     let things = known.known().map_or(&[][..], |known| &known.unnumbered);
@@ -75,7 +84,10 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
         work.write_json(Artifact::Refined, &RefinedFile::default())?;
         return Ok(Done::writing([Artifact::Refined]));
     }
-    let segmenter = open_segmenter(&open.options.setup, &open.options.segment, open.progress())?;
+    let segmenter = match open_segmenter(&open.options.setup, &open.options.segment, open.progress()) {
+        Err(error) if open.options.segment.segments.is_some() => return without_sam(open, &placed, &error.to_string()),
+        opened => opened?,
+    };
     let unasked = open.get::<Unasked>()?;
     let (numbering, outcomes) = look(open, &segmenter, &unasked.0, &placed)?;
     let mut file = RefinedFile::default();
@@ -114,6 +126,22 @@ fn run(open: &OpenScene, _: &Job) -> Result<Done> {
     }
     work.write_json(Artifact::Refined, &file)?;
     Ok(Done::writing(outputs).noting(notes))
+}
+
+/// Leaves everything as it is: whoever brings segments may do without SAM.
+fn without_sam(open: &OpenScene, placed: &[(usize, &Unnumbered, Place)], why: &str) -> Result<Done> {
+    let not_looked_for = |(_, Unnumbered { what, .. }, place): &(usize, &Unnumbered, Place)| LookedFor {
+        what: what.clone(),
+        view: open.views[place.view].name.clone(),
+        id: None,
+        why_not: Some(why.to_owned()),
+    };
+    let looked_for = placed.iter().map(not_looked_for).collect();
+    open.work.write_json(Artifact::Refined, &RefinedFile { looked_for, lacks_sam: true, ..RefinedFile::default() })?;
+    let things = counted(placed.len(), "thing");
+    let warning =
+        format!("{things} that the answer about the object names without a number cannot be looked for: {why}");
+    Ok(Done::writing([Artifact::Refined]).warning(vec![warning]))
 }
 
 fn look(
@@ -196,7 +224,8 @@ impl Stored for FoundParts {
             return Ok(open.get::<Unasked>()?.0.clone());
         }
         let read = Self::read(open, file.parts, &FILES)?;
-        let is_known = |of: &FoundThing| usize::from(of.id) <= read.parts.len() && of.id > 0;
+        let before = open.get::<Unasked>()?.0.parts.len();
+        let is_known = |of: &FoundThing| (before + 1..=read.parts.len()).contains(&usize::from(of.id));
         if !file.found.iter().all(is_known) {
             return Err(open.work.damaged(Artifact::Refined, "it found a part that it does not list").into());
         }

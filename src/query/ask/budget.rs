@@ -15,6 +15,7 @@ use serde::Serialize;
 use super::cost::{Cost, Price, dollars};
 use crate::query::recorded::Usage;
 use crate::words::output::counted;
+use crate::words::progress;
 
 /// The most that a run may spend, and what it has spent.
 #[derive(Debug)]
@@ -49,6 +50,15 @@ pub struct Spent {
     pub usage: Usage,
     /// By the price table; `None` if it does not have the model.
     pub usd: Option<f64>,
+}
+
+impl Spent {
+    /// Reports it, with what there is to say about it, if there was any request.
+    pub fn tell(&self, about: &str) {
+        if self.requests > 0 {
+            progress::notice(&format!("asked: {self}{about}"));
+        }
+    }
 }
 
 impl std::fmt::Display for Spent {
@@ -95,15 +105,6 @@ impl Budget {
     pub fn new(price: Option<Price>, max_usd: Option<f64>) -> Self {
         let spent = Spent { usd: price.as_ref().map(|_| 0.0), ..Spent::default() };
         Self { price, max_usd, books: Mutex::new(Books { spent, ..Books::default() }) }
-    }
-
-    /// A budget of which this much has been spent before.
-    pub fn after(spent: Option<Spent>, price: Option<Price>, max_usd: Option<f64>) -> Self {
-        let budget = Self::new(price, max_usd);
-        if let Some(spent) = spent {
-            budget.books().spent = spent;
-        }
-        budget
     }
 
     /// The model's price, if it is known.

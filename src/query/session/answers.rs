@@ -11,7 +11,6 @@ use crate::query::{
     Alternative, Answer, Answers, AnyWholeQuestion, DirectGuess, GuessQuestion, ObjectAnswers, Outcome, PartQuestion,
     Queries, QueryError, Recognition, RecognizedPart, Size, SubjectAnswer, SubjectId, WholeAnswer, WholeOutcome,
 };
-use crate::words::progress;
 
 /// The parts to ask about by themselves, the most worthwhile first, each with the view in which to ask.
 pub(super) struct FollowUps(Vec<(FollowUp, SubjectInView)>);
@@ -38,7 +37,7 @@ impl QuerySession<'_> {
         begin(&object)?;
         let size = self.whole.size.as_ref();
         let size = size.map(|size| object.ask_whole(size, &self.recordings, self.asker(), &self.budget, self.progress));
-        let size = size.transpose()?.map(of_size).transpose().inspect_err(|_| self.tell_spent(""))?;
+        let size = size.transpose()?.map(of_size).transpose().inspect_err(|_| self.budget.spent().tell(""))?;
         let recognition = self.whole.recognition.as_ref();
         let recognition =
             recognition.map(|what| object.ask_whole(what, &self.recordings, self.asker(), &self.budget, self.progress));
@@ -46,7 +45,7 @@ impl QuerySession<'_> {
             Err(QueryError::MissingWhole { .. }) if self.parts_are_recorded()? => None,
             recognition => recognition?,
         };
-        Ok(AnsweredWhole { size, recognition, spent: self.budget.spent() })
+        Ok(AnsweredWhole { size, recognition })
     }
 
     /// Asks about the parts, round by round: those that narrow what the `recognition` says, or all of them without one. `begin` and
@@ -64,16 +63,8 @@ impl QuerySession<'_> {
         };
         let (failed, all) = (answers.failed().count(), answers.all.len());
         let about = if recognized.is_some() { String::new() } else { format!("; {failed} of {all} questions failed") };
-        self.tell_spent(&about);
+        self.budget.spent().tell(&about);
         Ok(Answered { answers, recognition })
-    }
-
-    /// Reports what was spent, if anything was.
-    pub fn tell_spent(&self, about: &str) {
-        let spent = self.budget.spent();
-        if spent.requests > 0 {
-            progress::notice(&format!("asked: {spent}{about}"));
-        }
     }
 
     fn asker(&self) -> Option<&dyn Asker> {
@@ -232,7 +223,7 @@ impl QuerySession<'_> {
         let object = self.about_whole()?;
         begin(&object)?;
         let guess = object.ask_whole(question, &self.recordings, self.asker(), &self.budget, self.progress)?;
-        self.tell_spent("");
+        self.budget.spent().tell("");
         Ok(Some(guess))
     }
 }

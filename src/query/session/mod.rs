@@ -18,7 +18,7 @@ use serde::Serialize;
 use crate::consensus::AskAbout;
 use crate::error::{Result, UsageError};
 use crate::materials::MaterialLibrary;
-use crate::query::ask::budget::{Budget, Spent};
+use crate::query::ask::budget::Budget;
 use crate::query::ask::cost::Price;
 use crate::query::ask::rounds::{Subject, SubjectInView};
 use crate::query::ask::{direct, recognition, size};
@@ -76,8 +76,8 @@ pub struct Subjects<'a> {
     pub regions: Vec<Region>,
     /// Those that were found where the answer what the object is names something without a number.
     pub found: Vec<FoundThing>,
-    /// What was spent on earlier questions of the same run.
-    pub spent: Option<Spent>,
+    /// That of earlier questions of the same run.
+    pub budget: Option<Budget>,
 }
 
 /// The views, by index, in which questions about the whole object are asked; none where a question is not to be asked.
@@ -119,7 +119,6 @@ pub struct AnsweredWhole<T> {
     pub size: Option<T>,
     /// What the object is, if that was to be asked.
     pub recognition: Option<WholeAnswer<Recognition>>,
-    pub spent: Spent,
 }
 
 /// What was answered about its parts.
@@ -171,7 +170,7 @@ impl<'a> QuerySession<'a> {
     /// A session about the subjects.
     pub fn new(
         options: &'a Options,
-        Subjects { views, subjects, ask_views, about, whole, regions, found, spent }: Subjects<'a>,
+        Subjects { views, subjects, ask_views, about, whole, regions, found, budget }: Subjects<'a>,
         library: &'a MaterialLibrary,
         Folders { home, work }: Folders<'a>,
         network: Result<(), Offline>,
@@ -198,7 +197,7 @@ impl<'a> QuerySession<'a> {
             about,
             regions,
             found,
-            budget: Budget::after(spent, price.clone(), options.max_usd),
+            budget: budget.unwrap_or_else(|| Budget::new(price.clone(), options.max_usd)),
             prompts,
             library,
             price,
@@ -264,6 +263,11 @@ impl<'a> QuerySession<'a> {
             own.remove(key)?;
         }
         Ok(Pruned { kept: kept.len(), removed: useless.len() })
+    }
+
+    /// What was spent, for the questions that follow.
+    pub fn into_budget(self) -> Budget {
+        self.budget
     }
 
     /// The index of the view, and the place in its photo in pixels, of which the answer what the object is speaks; `None` if its
