@@ -48,7 +48,9 @@ fn no_rooms_import_each_other_in_a_circle() {
 fn no_stage_imports_a_later_one() {
     let files = Source::read().imports();
     let stages: Vec<String> = Stage::all().iter().map(|stage| stage.name()).collect();
-    let is_of = |file: &str, stage: &String| room(file) == *stage || file == format!("{TABLE}{stage}.rs");
+    // One room has the questions of two stages, and comes before both.
+    let stage_of = |room: String| if room == "query" { "recognise".to_owned() } else { room };
+    let is_of = |file: &str, stage: &String| stage_of(room(file)) == *stage || file == format!("{TABLE}{stage}.rs");
     for (n, stage) in stages.iter().enumerate() {
         assert!(files.contains_key(&format!("{TABLE}{stage}.rs")), "{stage} has no file");
         let imports = files.iter().filter(|(file, _)| is_of(file, stage));

@@ -126,6 +126,17 @@ pub struct Parts {
     pub parts: Vec<Part>,
 }
 
+/// A region that was found later, where the answer what the object is names a thing without a number.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct FoundThing {
+    /// Its index among the things without a number.
+    pub thing: usize,
+    /// The new number.
+    pub id: u16,
+    /// The regions from which it was cut, the one that lost most first.
+    pub cut_from: Vec<u16>,
+}
+
 impl Parts {
     /// The part that an id stands for: that of a piece, or itself.
     pub fn part_of(&self, id: u16) -> u16 {

@@ -20,9 +20,7 @@ pub mod session;
 
 pub use answer::jsonl::AnswersError;
 pub use answer::labels::{LabelSet, LabelsError};
-pub use answer::recognition::{
-    Choice, Found, FoundThing, Hypothesis, Printed, Recognition, RecognizedPart, Unnumbered,
-};
+pub use answer::recognition::{Choice, Found, Hypothesis, Printed, Recognition, RecognizedPart, Unnumbered};
 pub use ask::direct::DirectGuess;
 pub use ask::evidence::{Alternative, GuessQuestion, ObjectAnswers, PartQuestion};
 pub use ask::follow_up::{Region, Why};

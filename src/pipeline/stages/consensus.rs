@@ -4,11 +4,10 @@
 use serde::{Deserialize, Serialize};
 
 use crate::consensus::masks::{PartMasks, part_masks};
-use crate::consensus::{self, AskAbout, Part, Parts, SegmentedView};
+use crate::consensus::{self, AskAbout, FoundThing, Part, Parts, SegmentedView};
 use crate::error::Result;
 use crate::files::npz::{Npz, NpzWriter};
 use crate::parallel;
-use crate::query::FoundThing;
 use crate::scene::View;
 use crate::segment::{LabelMap, Segmentation};
 use crate::words::output::{agreeing, counted};

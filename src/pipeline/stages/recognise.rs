@@ -6,7 +6,6 @@ use crate::consensus::AskAbout;
 use crate::error::Result;
 use crate::query::session::{AnsweredWhole, schemas_about_whole, whole_sheet, write_sheets};
 use crate::query::{AnswerSource, Purpose, Recognition, Size, WholeAnswer, WholeOutcome};
-use crate::refine::Place;
 use crate::scene::{ScaleChoice, Scene};
 use crate::units::{MetricScale, Range};
 use crate::workdir::{Artifact, WorkDir, WorkDirError};
@@ -155,13 +154,13 @@ impl AnswerAboutWhole {
         self.answer.as_ref().and_then(|answer| answer.outcome.answered())
     }
 
-    /// The place of which the answer speaks when it names this thing without a number.
-    pub fn place_of(&self, thing: usize, open: &OpenScene) -> Option<Place> {
+    /// The index of the view, and the place in it in pixels, of which the answer speaks when it names this thing without a number.
+    pub fn place_of(&self, thing: usize, open: &OpenScene) -> Option<(usize, [f64; 2])> {
         let NamedPlace { view, at } = self.places.get(thing)?.as_ref()?;
         let view = open.views.iter().position(|of| of.name == *view)?;
         let size = &open.views[view].camera.intrinsics;
         let is_inside = at.iter().zip([size.width, size.height]).all(|(at, side)| (0.0..f64::from(side)).contains(at));
-        is_inside.then_some(Place { view, at: *at })
+        is_inside.then_some((view, *at))
     }
 }
 

@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::consensus::{Part, Parts};
+use crate::consensus::{FoundThing, Part, Parts};
 use crate::error::Result;
-use crate::query::{FoundThing, Unnumbered};
+use crate::query::Unnumbered;
 use crate::refine::{self, Look, Missed, Numbering, Place, Sighted};
 use crate::segment::Segmenter;
 use crate::workdir::Artifact;
@@ -78,8 +78,9 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let known = open.get::<AnswerAboutWhole>()?;
     let things = known.known().map_or(&[][..], |known| &known.unnumbered);
     let probable = things.iter().enumerate().filter(|(_, thing)| thing.probability >= PROBABLE);
+    let place = |(view, at)| Place { view, at };
     let placed: Vec<(usize, &Unnumbered, Place)> =
-        probable.filter_map(|(n, thing)| Some((n, thing, known.place_of(n, open)?))).collect();
+        probable.filter_map(|(n, thing)| Some((n, thing, place(known.place_of(n, open)?)))).collect();
     if placed.is_empty() {
         work.write_json(Artifact::Refined, &RefinedFile::default())?;
         return Ok(Done::writing([Artifact::Refined]));

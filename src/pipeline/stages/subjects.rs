@@ -7,11 +7,11 @@ use std::sync::Arc;
 
 use nalgebra::Point3;
 
-use crate::consensus::AskAbout;
+use crate::consensus::{AskAbout, FoundThing};
 use crate::error::Result;
 use crate::gaussians::bounds::least_extent;
 use crate::query::ask::rounds::{self, Outcomes, PartOrPiece, Subject, SubjectInView};
-use crate::query::{Answers, FoundThing, Outcome, Region, SubjectAnswer, SubjectId};
+use crate::query::{Answers, Outcome, Region, SubjectAnswer, SubjectId};
 use crate::segment::{LabelMap, Segmentation, ViewSegments};
 use crate::vote::AnsweredPart;
 

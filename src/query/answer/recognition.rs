@@ -10,6 +10,7 @@ use super::{
     BULK_DENSITY, DENSITY, FILL_SHARE, FILLING_DENSITY, LIKENESS, Problem, Quantity, WALL_THICKNESS, WrittenMake,
     in_order, make, possible,
 };
+use crate::consensus::FoundThing;
 use crate::materials::{Family, Material, MaterialLibrary, fold};
 use crate::query::{Answer, Failure, Form};
 use crate::units::Range;
@@ -97,17 +98,6 @@ pub struct Found {
     pub thing: usize,
     /// The indices of the parts from which it was cut, at least one, the one that lost most first.
     pub cut_from: Vec<usize>,
-}
-
-/// A region that was found where the answer names a thing without a number.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct FoundThing {
-    /// Its index among the things without a number.
-    pub thing: usize,
-    /// The new number.
-    pub id: u16,
-    /// The regions from which it was cut, the one that lost most first.
-    pub cut_from: Vec<u16>,
 }
 
 /// One way in which a part may be made.

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use crate::consensus::AskAbout;
+use crate::consensus::{AskAbout, FoundThing};
 use crate::error::{Result, UsageError};
 use crate::materials::MaterialLibrary;
 use crate::query::ask::budget::Budget;
@@ -26,8 +26,8 @@ use crate::query::client::{ApiKey, Client, ClientError};
 use crate::query::exchange::{self, Form, Imported};
 use crate::query::recorded::Recordings;
 use crate::query::{
-    Answers, AnyWholeQuestion, Bare, DirectGuess, FoundThing, Layout, ObjectAnswers, Options, Prompts, Purpose,
-    Queries, Recognition, Region, Side, Size, Unnumbered, WHOLE, WholeAnswer, WholeQuestion,
+    Answers, AnyWholeQuestion, Bare, DirectGuess, Layout, ObjectAnswers, Options, Prompts, Purpose, Queries,
+    Recognition, Region, Side, Size, Unnumbered, WHOLE, WholeAnswer, WholeQuestion,
 };
 use crate::scene::Photo;
 use crate::segment::LabelMap;
