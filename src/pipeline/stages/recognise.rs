@@ -51,14 +51,21 @@ pub(super) const ROW: Row = Row {
 
 /// Questions about parts, and their recordings, come later.
 fn key(open: &OpenScene, inputs: Hasher) -> Result<String> {
+    if !is_asked(open) {
+        return Ok(inputs.hex());
+    }
     let inputs = inputs.with_json(&open.options.scene.scale);
     questions::key(open, inputs, Some(&schemas_about_whole(&open.options.query)?))
 }
 
+/// Whether anything is to be asked about the whole object.
+fn is_asked(open: &OpenScene) -> bool {
+    open.options.consensus.ask == AskAbout::Object || open.options.scene.scale == ScaleChoice::Estimate
+}
+
 fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let work = &open.work;
-    let asks_size = open.options.scene.scale == ScaleChoice::Estimate;
-    if open.options.consensus.ask != AskAbout::Object && !asks_size {
+    if !is_asked(open) {
         work.write_json(Artifact::Recognition, &AnswerAboutWhole::default())?;
         return Ok(Done::writing([Artifact::Recognition]));
     }
