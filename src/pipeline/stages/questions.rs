@@ -10,7 +10,7 @@ use serde::Deserialize;
 use crate::camera::Camera;
 use crate::consensus::{self, AskAbout};
 use crate::error::{Error, Result};
-use crate::files::json;
+use crate::files::{self, json};
 use crate::pictures::framing;
 use crate::pipeline::OBJECT;
 use crate::pipeline::hasher::{Hasher, file_digest};
@@ -53,7 +53,7 @@ pub(super) fn key(open: &OpenScene, inputs: Hasher, schemas: Option<&[Sha256Hex]
         hasher = hasher.with(&file_digest(fields).unwrap_or_default());
     }
     let has_schema = |path: &Path, schemas: &[Sha256Hex]| {
-        let recording = fs::read(path).ok().and_then(|bytes| json::read::<Asked>(&bytes).ok());
+        let recording = files::read(path).ok().and_then(|bytes| json::read::<Asked>(&bytes).ok());
         recording.is_some_and(|of| schemas.contains(&of.asked.schema_sha256))
     };
     for folder in session::recording_folders(options, open.home_of_recordings()) {
@@ -218,7 +218,8 @@ fn recordings_in(folder: &Path) -> Vec<PathBuf> {
 pub fn answered_by(open: &OpenScene) -> Vec<String> {
     let options = &open.options.query;
     let folders = session::recording_folders(options, open.home_of_recordings());
-    let model_of = |path: PathBuf| json::read::<Answerer>(&fs::read(path).ok()?).ok().map(|answerer| answerer.model);
+    let model_of =
+        |path: PathBuf| json::read::<Answerer>(&files::read(&path).ok()?).ok().map(|answerer| answerer.model);
     let models: BTreeSet<String> =
         folders.iter().flat_map(|folder| recordings_in(folder)).filter_map(model_of).collect();
     let may_answer = |model: &String| options.lmm_model.as_ref().is_none_or(|asked| asked == model);
