@@ -62,7 +62,6 @@ pub fn text(pipeline: &mut Pipeline, stage: Stage) -> Result<String> {
     Ok(text)
 }
 
-/// That masses and what follows from them are provisional, if answers are missing.
 /// What the object is taken for.
 fn recognition(known: Option<&Recognition>) -> String {
     let Some(known) = known else { return "the model is not asked what the object is\n".to_owned() };
@@ -83,6 +82,7 @@ fn looked_for(things: &[LookedFor]) -> String {
     things.iter().map(line).collect()
 }
 
+/// That masses and what follows from them are provisional, if answers are missing.
 fn open_questions(pipeline: &Pipeline, stage: Stage) -> Result<String> {
     if stage < Stage::Parts {
         return Ok(String::new());

@@ -22,13 +22,13 @@ impl Rect {
         self.x1 - self.x0
     }
 
+    pub fn height(&self) -> u32 {
+        self.y1 - self.y0
+    }
+
     /// Whether a place, in pixels, lies within it.
     pub fn contains(&self, [x, y]: [f64; 2]) -> bool {
         (f64::from(self.x0)..f64::from(self.x1)).contains(&x) && (f64::from(self.y0)..f64::from(self.y1)).contains(&y)
-    }
-
-    pub fn height(&self) -> u32 {
-        self.y1 - self.y0
     }
 }
 
