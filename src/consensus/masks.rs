@@ -118,7 +118,6 @@ fn snapped(shared: &BTreeMap<(u16, u16), u64>, of_id: &[u64]) -> BTreeMap<(u16, 
 
 /// The map in which specks have the label that most of the pixels around them have; among equals, the lowest.
 fn without_specks(map: &LabelMap) -> LabelMap {
-    let (width, height) = (map.width as usize, map.height as usize);
     let mut of_id: BTreeMap<u16, usize> = BTreeMap::new();
     map.labels.iter().for_each(|&id| *of_id.entry(id).or_default() += 1);
     let mut cleaned = map.clone();
@@ -133,14 +132,7 @@ fn without_specks(map: &LabelMap) -> LabelMap {
         visited[start] = true;
         while let Some(&at) = patch.get(next) {
             next += 1;
-            let (x, y) = (at % width, at / width);
-            let beside = [
-                (x > 0).then(|| at - 1),
-                (x + 1 < width).then(|| at + 1),
-                (y > 0).then(|| at - width),
-                (y + 1 < height).then(|| at + width),
-            ];
-            for other in beside.into_iter().flatten() {
+            for other in map.beside(at) {
                 if map.labels[other] != id {
                     *around.entry(map.labels[other]).or_default() += 1;
                 } else if !visited[other] {

@@ -137,14 +137,7 @@ fn holes(map: &LabelMap) -> Vec<bool> {
     let mut open: Vec<usize> = (0..is_hole.len()).filter(is_edge).filter(|pixel| is_hole[*pixel]).collect();
     open.iter().for_each(|pixel| is_hole[*pixel] = false);
     while let Some(pixel) = open.pop() {
-        let (x, y) = (pixel % width, pixel / width);
-        let beside = [
-            (x > 0).then(|| pixel - 1),
-            (x + 1 < width).then(|| pixel + 1),
-            (y > 0).then(|| pixel - width),
-            (y + 1 < height).then(|| pixel + width),
-        ];
-        for other in beside.into_iter().flatten() {
+        for other in map.beside(pixel) {
             if std::mem::take(&mut is_hole[other]) {
                 open.push(other);
             }

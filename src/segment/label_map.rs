@@ -38,6 +38,19 @@ impl LabelMap {
         self.labels[y as usize * self.width as usize + x as usize]
     }
 
+    /// The pixels left, right, above and below one, as far as they are in the picture.
+    pub fn beside(&self, pixel: usize) -> impl Iterator<Item = usize> + use<> {
+        let (width, height) = (self.width as usize, self.height as usize);
+        let (x, y) = (pixel % width, pixel / width);
+        let beside = [
+            (x > 0).then(|| pixel - 1),
+            (x + 1 < width).then(|| pixel + 1),
+            (y > 0).then(|| pixel - width),
+            (y + 1 < height).then(|| pixel + width),
+        ];
+        beside.into_iter().flatten()
+    }
+
     /// The ids that it shows, in order.
     pub fn ids(&self) -> Vec<u16> {
         let ids: BTreeSet<u16> = self.labels.iter().copied().filter(|id| *id != 0).collect();
