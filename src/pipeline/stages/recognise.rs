@@ -74,10 +74,10 @@ fn run(open: &OpenScene, job: &Job) -> Result<Done> {
     let answered =
         session.answer_whole(&|round| Ok(write_sheets(work, round)?), |answer| size_file(&open.scene, answer));
     let AnsweredWhole { size, recognition: answer } = answered.map_err(|error| about_scene(error, open))?;
-    let place = |(view, at): (usize, [f64; 2])| NamedPlace { view: open.views[view].name.clone(), at };
     let known = answer.as_ref().and_then(|answer| answer.outcome.answered());
-    let things = known.map_or(&[][..], |known| &known.unnumbered).iter();
-    let places = things.map(|thing| session.place_of(thing).map(place)).collect();
+    let places = session.places_of(known.map_or(&[], |known| &known.unnumbered)).into_iter();
+    let place = |(view, at): (usize, [f64; 2])| NamedPlace { view: open.views[view].name.clone(), at };
+    let places = places.map(|named| named.map(place)).collect();
     let budget = session.into_budget();
     if job.is_last {
         budget.spent().tell("");

@@ -36,7 +36,7 @@ pub struct RefinedFile {
 }
 
 /// A thing without a number, and what came of looking for it.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Serialize, Deserialize)]
 pub struct LookedFor {
     pub what: String,
     pub view: String,

@@ -47,8 +47,7 @@ pub struct QuerySession<'a> {
     ask_views: usize,
     about: AskAbout,
     whole: AboutWhole,
-    /// The sides that the question what the object is shows, with the regions that it numbers.
-    numbered: Vec<NumberedView<'a>>,
+    whole_views: WholeViews<'a>,
     regions: Vec<Region>,
     found: Vec<FoundThing>,
     budget: Budget,
@@ -108,8 +107,6 @@ pub struct NumberedView<'a> {
 struct AboutWhole {
     size: Option<WholeQuestion<Size>>,
     recognition: Option<WholeQuestion<Recognition>>,
-    /// Where the sheet of that question shows the views.
-    layout: Option<Layout>,
     direct: Option<WholeQuestion<DirectGuess>>,
 }
 
@@ -190,7 +187,7 @@ impl<'a> QuerySession<'a> {
         Ok(Self {
             options,
             whole: AboutWhole::new(&whole, &views, &prompts, &library, options)?,
-            numbered: whole.recognition,
+            whole_views: whole,
             views,
             subjects,
             ask_views,
@@ -270,14 +267,20 @@ impl<'a> QuerySession<'a> {
         self.budget
     }
 
-    /// The index of the view, and the place in its photo in pixels, of which the answer what the object is speaks; `None` if its
-    /// sheet shows nothing there.
-    pub fn place_of(&self, thing: &Unnumbered) -> Option<(usize, [f64; 2])> {
-        let (panel, at) = thing.place?;
-        let NumberedView { view, map } = self.numbered.get(panel)?;
-        let QueryView { name, photo, .. } = &self.views[*view];
-        let side = Side { view: name, photo, map: Some(map.as_ref()) };
-        Some((*view, self.whole.layout?.place_in_photo(&side, at)?))
+    /// By thing, the index of the view, and the place in its photo in pixels, of which the answer what the object is speaks; `None` if
+    /// its sheet shows nothing there.
+    pub fn places_of(&self, things: &[Unnumbered]) -> Vec<Option<(usize, [f64; 2])>> {
+        if things.is_empty() {
+            return Vec::new();
+        }
+        let WholeViews { recognition, outer_size, bare, .. } = &self.whole_views;
+        let layout =
+            Layout::of(&sides_of(recognition, &self.views), outer_size.is_some(), *bare, self.options.sheet_size);
+        let place = |thing: &Unnumbered| {
+            let (panel, at) = thing.place?;
+            Some((recognition.get(panel)?.view, layout.place_in_photo(panel, at)?))
+        };
+        things.iter().map(place).collect()
     }
 
     fn price(&self) -> Option<&Price> {
@@ -293,12 +296,9 @@ impl AboutWhole {
         library: &MaterialLibrary,
         options: &Options,
     ) -> Result<Self> {
-        let side = |view: usize, map| Side { view: views[view].name, photo: &views[view].photo, map };
         let size = asked.size.map(|view| size::question(views[view].name, &views[view].photo, prompts, options));
         let outer_size = asked.outer_size.as_deref();
-        let sides: Vec<Side> = asked.recognition.iter().map(|of| side(of.view, Some(of.map.as_ref()))).collect();
-        let layout = |sides: &[Side]| Layout::of(sides, outer_size.is_some(), asked.bare, options.sheet_size);
-        let layout = (!sides.is_empty()).then(|| layout(&sides));
+        let sides = sides_of(&asked.recognition, views);
         let recognition = (!sides.is_empty()).then(|| {
             let mut numbers: Vec<u16> = sides.iter().filter_map(|side| side.map).flat_map(LabelMap::ids).collect();
             numbers.sort_unstable();
@@ -306,10 +306,10 @@ impl AboutWhole {
             let told = recognition::Told { outer_size, bare: asked.bare, hints: asked.hints.as_deref() };
             recognition::question(&sides, numbers, told, prompts, library.clone(), options)
         });
-        let sides: Vec<Side> = asked.direct.iter().map(|view| side(*view, None)).collect();
+        let sides: Vec<Side> = asked.direct.iter().map(|view| side(&views[*view], None)).collect();
         let direct = (!sides.is_empty()).then(|| direct::question(&sides, outer_size, prompts, options));
         let (size, recognition, direct) = (size.transpose()?, recognition.transpose()?, direct.transpose()?);
-        Ok(Self { size, recognition, layout, direct })
+        Ok(Self { size, recognition, direct })
     }
 
     fn all(&self) -> impl Iterator<Item = &dyn AnyWholeQuestion> {
@@ -318,6 +318,15 @@ impl AboutWhole {
         let direct = self.direct.iter().map(|question| question as &dyn AnyWholeQuestion);
         size.chain(recognition).chain(direct)
     }
+}
+
+/// The sides that the question what the object is shows.
+fn sides_of<'a>(numbered: &'a [NumberedView], views: &'a [QueryView]) -> Vec<Side<'a>> {
+    numbered.iter().map(|of| side(&views[of.view], Some(of.map.as_ref()))).collect()
+}
+
+fn side<'a>(view: &'a QueryView, map: Option<&'a LabelMap>) -> Side<'a> {
+    Side { view: view.name, photo: &view.photo, map }
 }
 
 /// Writes the sheet of every question.

@@ -30,10 +30,10 @@ impl Sheet {
     /// The object from one to four sides, in panels A to D, on a sheet of at most `longest_side` pixels per side; above them
     /// the outer size of the object, if it is known, and, if `bare` asks for it, the first photos without lines and numbers.
     pub fn of_sides(sides: &[Side], outer_size: Option<&str>, bare: Bare, longest_side: u32) -> Self {
-        let Layout { columns, unmarked, head, panel: (width, height), label } =
+        let Layout { areas, columns, unmarked, head, panel: (width, height), label } =
             Layout::of(sides, outer_size.is_some(), bare, longest_side);
-        let without_lines = (0..).zip(sides).take(unmarked as usize).map(|(n, side)| Panel::unmarked(n, side));
-        let panels: Vec<Panel> = without_lines.chain((0..).zip(sides).map(|(n, side)| Panel::of(n, side))).collect();
+        let marked = || (b'A'..).zip(sides).zip(&areas).map(|((name, side), area)| Panel::new(name, side, *area));
+        let panels: Vec<Panel> = marked().take(unmarked as usize).map(Panel::unmarked).chain(marked()).collect();
         let rows = (panels.len() as u32).div_ceil(columns);
         let size = (columns * (width + GAP) + GAP, head + rows * (height + label.height() + GAP) + GAP);
         let mut picture = RgbImage::from_pixel(size.0, size.1, PAPER);
@@ -52,8 +52,10 @@ impl Sheet {
 }
 
 /// How the panels of a sheet are laid out, in pixels.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug)]
 pub struct Layout {
+    /// By side, the part of its photo that its panels show.
+    areas: Vec<Area>,
     columns: u32,
     /// Number of panels without lines, which come first.
     unmarked: u32,
@@ -74,17 +76,17 @@ impl Layout {
         let head = if has_outer_size { label.height() + GAP } else { 0 };
         let width = (longest_side - GAP * (columns + 1)) / columns;
         let room = (longest_side - head - (GAP + label.height()) * rows - GAP) / rows;
-        let areas = || sides.iter().map(object_area);
-        let most = areas().map(|area| area.height().saturating_mul(ENLARGED_AT_MOST)).max().unwrap_or(1);
-        let tallest = areas().map(|area| f64::from(width) / area.aspect()).fold(1.0, f64::max);
+        let areas: Vec<Area> = sides.iter().map(object_area).collect();
+        let most = areas.iter().map(|area| area.height().saturating_mul(ENLARGED_AT_MOST)).max().unwrap_or(1);
+        let tallest = areas.iter().map(|area| f64::from(width) / area.aspect()).fold(1.0, f64::max);
         let height = room.min(most.max(1)).min(tallest as u32).max(1);
-        Self { columns, unmarked, head, panel: (width, height), label }
+        Self { areas, columns, unmarked, head, panel: (width, height), label }
     }
 
-    /// The place in the photo of `side`, in pixels, that its panel shows at `at`, from the panel's upper left corner, from 0 to 1;
-    /// `None` if the panel shows no photo there.
-    pub fn place_in_photo(&self, side: &Side, at: [f64; 2]) -> Option<[f64; 2]> {
-        panel::place_in_photo(object_area(side), self.panel, at)
+    /// The place in the photo of a side, in pixels, that its panel shows at `at`, from the panel's upper left corner, from 0 to 1;
+    /// `None` if there is no such side, or its panel shows no photo there.
+    pub fn place_in_photo(&self, side: usize, at: [f64; 2]) -> Option<[f64; 2]> {
+        panel::place_in_photo(*self.areas.get(side)?, self.panel, at)
     }
 }
 
@@ -107,13 +109,12 @@ struct Panel<'a> {
 }
 
 impl<'a> Panel<'a> {
-    fn of(n: u8, side: &Side<'a>) -> Self {
-        Self { name: char::from(b'A' + n).to_string(), side: *side, area: object_area(side) }
+    fn new(name: u8, side: &Side<'a>, area: Area) -> Self {
+        Self { name: char::from(name).to_string(), side: *side, area }
     }
 
-    fn unmarked(n: u8, side: &Side<'a>) -> Self {
-        let panel = Self::of(n, side);
-        Self { name: format!("{} without lines", panel.name), side: Side { map: None, ..*side }, ..panel }
+    fn unmarked(self) -> Self {
+        Self { name: format!("{} without lines", self.name), side: Side { map: None, ..self.side }, ..self }
     }
 }
 
@@ -240,10 +241,10 @@ mod tests {
                 panel.enumerate_pixels().filter(is_red).map(|(x, y, _)| [f64::from(x), f64::from(y)]).collect();
             let mean = |axis: usize| found.iter().map(|at| at[axis] + 0.5).sum::<f64>() / found.len() as f64;
             let at = [mean(0) / f64::from(width), mean(1) / f64::from(height)];
-            let [x, y] = layout.place_in_photo(&side, at).unwrap();
+            let [x, y] = layout.place_in_photo(0, at).unwrap();
             assert!((x - 21.0).abs() < 0.2 && (y - 31.0).abs() < 0.2, "{x}, {y} in {} panels", sides.len());
             let beside = [0.5, 0.01];
-            assert!(width * 40 > height * 44 || layout.place_in_photo(&side, beside).is_none(), "it is all photo");
+            assert!(width * 40 > height * 44 || layout.place_in_photo(0, beside).is_none(), "it is all photo");
         }
     }
 
