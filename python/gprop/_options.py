@@ -10,7 +10,7 @@ from typing import Annotated, Literal, TypedDict, Union
 Path = Union[str, os.PathLike[str]]
 
 #: Of the files in a work folder.
-FORMAT_VERSION = 14
+FORMAT_VERSION = 15
 
 
 class Options(TypedDict, total=False):

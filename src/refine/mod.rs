@@ -5,7 +5,8 @@
 //! board. Whoever sees it can point at it:
 //! 1. [`proposals`]: SAM is prompted at that place, and in other views where they show the Gaussians that are there, on the
 //!    whole object and, if that shows anything new, enlarged;
-//! 2. [`sighting`]: of all masks, the one is taken that other views confirm most, with the masks that confirm it;
+//! 2. [`sighting`]: of all masks, the one is taken that other views confirm most, with the masks that confirm it, also those
+//!    of the views in which SAM was not prompted before;
 //! 3. [`numbering`]: what these masks show and has no number of its own becomes a part.
 //!
 //! A mask that holds every part whole or not at all shows nothing new. So does one that too few views confirm. What the answer
@@ -19,10 +20,11 @@ mod sighting;
 use crate::camera::Camera;
 use crate::gaussians::Gaussians;
 use crate::scene::Photo;
+use crate::segment::mask::Mask;
 use crate::segment::{SegmentError, Segmenter, SelectionOptions, Shown};
 
 pub use numbering::{Numbering, Sighted};
-use proposals::{Masks, Prompts, lit};
+use proposals::{Masks, Points, Prompts, lit};
 use sighting::{Sighting, is_possible};
 
 /// A view in which to look.
@@ -63,22 +65,26 @@ pub fn look(
 ) -> Result<Vec<Result<Sighted, Missed>>, SegmentError> {
     let count = numbering.id_of_gaussian.len();
     let prompts = Prompts::new(looks, places, count);
-    let propose = |shown, wanted: &[bool]| prompts.masks(segmenter, looks, shown, wanted, selection);
-    let mut found = propose(Shown::Whole, &vec![true; places.len()])?;
+    let propose = |points: &Points, shown, wanted: &[bool]| points.masks(segmenter, looks, shown, wanted, selection);
+    let mut found = propose(&prompts.best, Shown::Whole, &vec![true; places.len()])?;
     // Where nothing shows more than what has a number, a closer look would not either; it takes as long again.
     let wanted: Vec<bool> =
         found.iter().map(|masks| is_possible(masks, &|view, mask| numbering.is_new(view, mask))).collect();
-    for (masks, closer) in found.iter_mut().zip(propose(Shown::Enlarged, &wanted)?) {
+    for (masks, closer) in found.iter_mut().zip(propose(&prompts.best, Shown::Enlarged, &wanted)?) {
         masks.iter_mut().zip(closer).for_each(|(masks, more)| masks.extend(more));
     }
-    let add = |masks: &Masks| {
+    let add = |(place, masks): (usize, &Masks)| {
+        let is_new = |view: usize, mask: &Mask| numbering.is_new(view, mask);
         // Something may have got its number by now.
-        if !is_possible(masks, &|view, mask| numbering.is_new(view, mask)) {
-            return Err(Missed::Numbered);
+        if !is_possible(masks, &is_new) {
+            return Ok(Err(Missed::Numbered));
         }
         let by_view = lit(looks, masks, count);
-        let sighting = Sighting::of(&by_view, &|view, mask| numbering.is_new(view, mask));
-        numbering.add(looks, &sighting.ok_or(Missed::Unconfirmed)?).ok_or(Missed::Numbered)
+        let Some(mut sighting) = Sighting::of(&by_view, &is_new) else { return Ok(Err(Missed::Unconfirmed)) };
+        let only: Vec<bool> = (0..places.len()).map(|of| of == place).collect();
+        let rest = lit(looks, &propose(&prompts.rest, Shown::Whole, &only)?[place], count);
+        sighting.confirm(&rest);
+        Ok(numbering.add(looks, &sighting).ok_or(Missed::Numbered))
     };
-    Ok(found.iter().map(add).collect())
+    found.iter().enumerate().map(add).collect()
 }

@@ -15,8 +15,8 @@ const RADIUS: f64 = 2.5;
 const ANCHORS: usize = 12;
 /// Another view sees the place if it sees Gaussians that have this share of the light there.
 const SEEN_SHARE: f32 = 0.5;
-/// Number of views besides the one of which the answer speaks, those that see most of these Gaussians: each costs two runs of
-/// SAM's encoder.
+/// Number of views besides the one of which the answer speaks, those that see most of these Gaussians, in which a thing is looked for:
+/// each costs two runs of SAM's encoder. The rest cost one, once it is found.
 const OTHER_VIEWS: usize = 4;
 
 /// By view, SAM's masks for what is at a place; none in views in which it is not prompted.
@@ -33,7 +33,18 @@ pub(super) struct Proposal {
 pub(super) type ByView = Vec<Vec<Proposal>>;
 
 /// The points at which to prompt, in pixels, by place and view.
-pub(super) struct Prompts(Vec<BTreeMap<usize, [f64; 2]>>);
+pub(super) struct Prompts {
+    /// In the views that see the place best.
+    pub best: Points,
+    /// In the others that see it.
+    pub rest: Points,
+}
+
+/// Points in pixels, by place.
+pub(super) struct Points(Vec<InViews>);
+
+/// A point in pixels by view.
+type InViews = BTreeMap<usize, [f64; 2]>;
 
 impl Prompts {
     /// Those for these places. `count` is the number of the object's Gaussians.
@@ -42,9 +53,12 @@ impl Prompts {
             let all = light(look, &vec![0; pixels(look)], count).into_iter();
             all.filter(|(.., light)| *light > SEEN_LIGHT).map(|(gaussian, _, light)| (gaussian, light)).collect()
         });
-        Self(places.iter().map(|place| points(looks, *place, &seen, count)).collect())
+        let (best, rest) = places.iter().map(|place| points(looks, *place, &seen, count)).unzip();
+        Self { best: Points(best), rest: Points(rest) }
     }
+}
 
+impl Points {
     /// For each place, the masks that SAM proposes if it sees this of the photos; none for those places that are not `wanted`.
     pub fn masks(
         &self,
@@ -56,8 +70,7 @@ impl Prompts {
     ) -> Result<Vec<Masks>, SegmentError> {
         let in_view = |view: &usize| -> Result<Vec<Vec<Mask>>, SegmentError> {
             let look = &looks[*view];
-            let of_place =
-                |(points, wanted): (&BTreeMap<usize, [f64; 2]>, &bool)| points.get(view).filter(|_| *wanted).copied();
+            let of_place = |(points, wanted): (&InViews, &bool)| points.get(view).filter(|_| *wanted).copied();
             let here: Vec<Option<[f64; 2]>> = self.0.iter().zip(wanted).map(of_place).collect();
             let points: Vec<[f64; 2]> = here.iter().flatten().copied().collect();
             if points.is_empty() {
@@ -78,15 +91,16 @@ impl Prompts {
 /// The Gaussians that a view sees, with their light in it, in pixels.
 type Seen = Vec<(u32, f32)>;
 
-/// The views in which to prompt, with the point in pixels.
-fn points(looks: &[Look], place: Place, seen: &[Seen], count: usize) -> BTreeMap<usize, [f64; 2]> {
+/// The views that see a place best, with the point in pixels, and the rest of those that see it.
+fn points(looks: &[Look], place: Place, seen: &[Seen], count: usize) -> (InViews, InViews) {
     let anchors = anchors(&looks[place.view], place.at, count);
     let others = looks.iter().zip(seen).enumerate().filter(|(view, _)| *view != place.view);
     let others = others.filter_map(|(view, (look, seen))| Some((view, where_seen(look, seen, &anchors)?)));
     let mut others: Vec<(usize, (f32, [f64; 2]))> = others.collect();
     others.sort_by(|(_, (a, _)), (_, (b, _))| b.total_cmp(a));
-    let others = others.into_iter().take(OTHER_VIEWS).map(|(view, (_, at))| (view, at));
-    std::iter::once((place.view, place.at)).chain(others).collect()
+    let mut others = others.into_iter().map(|(view, (_, at))| (view, at));
+    let best = std::iter::once((place.view, place.at)).chain(others.by_ref().take(OTHER_VIEWS)).collect();
+    (best, others.collect())
 }
 
 /// The Gaussians with most of the light around a place of a view, each with its share.

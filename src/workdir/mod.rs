@@ -27,7 +27,7 @@ pub use checksum::{Checksum, Checksumming, sha256_of_file};
 
 /// Raised when the meaning of any artifact changes: artifacts of an older gprop are then made again. The Python module
 /// has it too.
-pub const FORMAT_VERSION: u32 = 14;
+pub const FORMAT_VERSION: u32 = 15;
 
 /// Name of the work folder inside a scene.
 pub const DEFAULT_NAME: &str = "gprop";
