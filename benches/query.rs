@@ -1,5 +1,6 @@
 //! The query stage without a model: drawing the sheets of a view, and replaying a scene's answers from recordings.
 
+use std::borrow::Cow;
 use std::hint::black_box;
 
 use criterion::{Criterion, criterion_group, criterion_main};
@@ -61,7 +62,8 @@ fn bench(criterion: &mut Criterion) {
     let library = MaterialLibrary::builtin();
     let (prompts, options) = (Prompts::builtin(), Options::default());
     let ids: Vec<u16> = (1..=SEGMENTS).collect();
-    let inputs = [ViewSubjects { name: "view", photo: &photo, map: &segments.map, ids: &ids }];
+    let maps = [Cow::Borrowed(&segments.map)];
+    let inputs = [ViewSubjects { name: "view", photo: &photo, maps: &maps, ids: &ids }];
     criterion.bench_function("query/sheets of a view with 8 segments", |bencher| {
         bencher.iter(|| {
             Queries::prepare(black_box(&inputs), library, &prompts, &options, AskAbout::Segments)

@@ -50,6 +50,7 @@ mod size;
 // How long servers ask to wait, each in its own way.
 mod waits;
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Mutex;
 
@@ -128,13 +129,10 @@ fn prepare<'a>(views: &[View], prompts: &'a Prompts, options: &'a Options) -> Qu
 fn prepare_about<'a>(about: AskAbout, views: &[View], prompts: &'a Prompts, options: &'a Options) -> Queries<'a> {
     let ids: Vec<Vec<u16>> =
         views.iter().map(|view| view.segments.segments.iter().map(|segment| segment.id).collect()).collect();
-    let inputs = views.iter().zip(&ids).map(|(view, ids)| ViewSubjects {
-        name: view.name,
-        photo: &view.photo,
-        map: &view.segments.map,
-        ids,
-    });
-    let inputs: Vec<ViewSubjects> = inputs.collect();
+    let maps: Vec<[Cow<LabelMap>; 1]> = views.iter().map(|view| [Cow::Borrowed(&view.segments.map)]).collect();
+    let inputs = views.iter().zip(&maps).zip(&ids);
+    let inputs: Vec<ViewSubjects> =
+        inputs.map(|((view, maps), ids)| ViewSubjects { name: view.name, photo: &view.photo, maps, ids }).collect();
     Queries::prepare(&inputs, MaterialLibrary::builtin(), prompts, options, about).expect("made-up views are sound")
 }
 

@@ -1,9 +1,14 @@
-use gprop::query::Context;
+use std::borrow::Cow;
+
+use gprop::consensus::AskAbout;
+use gprop::materials::MaterialLibrary;
 use gprop::query::question::sheet::{Drawer, Sheet};
+use gprop::query::recorded::Mask;
+use gprop::query::{Context, Prompts, Queries, ViewSubjects};
 use gprop::scene::ForegroundSource;
 use image::{Rgb, RgbImage};
 
-use super::{View, two_segments, view};
+use super::{View, small, two_segments, view};
 
 const GREY: Rgb<u8> = Rgb([128; 3]);
 
@@ -149,4 +154,22 @@ fn the_jpeg_decodes_to_the_sheet_but_for_compression() {
     let apart = |(a, b): (&u8, &u8)| f64::from(a.abs_diff(*b));
     let mean = decoded.as_raw().iter().zip(sheet.picture.as_raw()).map(apart).sum::<f64>() / decoded.len() as f64;
     assert!(mean < 6.0, "JPEG moves a sample by {mean} on average");
+}
+
+/// A part that was found later has a higher number than the pieces of others, which have a map of their own.
+#[test]
+fn questions_are_in_the_order_of_their_ids_whichever_map_shows_them() {
+    let View { name, photo, segments } = view("v", (100, 100), 80, |x, _| if x < 60 { 1 } else { 4 });
+    let pieces = view("v", (100, 100), 80, |x, _| if x < 60 { 2 + u16::from(x >= 30) } else { 0 }).segments.map;
+    let maps = [Cow::Borrowed(&segments.map), Cow::Borrowed(&pieces)];
+    let (prompts, options) = (Prompts::builtin(), small());
+    let about_object = |ids: &[u16]| {
+        let views = [ViewSubjects { name, photo: &photo, maps: &maps, ids }];
+        Queries::prepare(&views, MaterialLibrary::builtin(), &prompts, &options, AskAbout::Object)
+            .map(|queries| queries.subjects.into_iter().map(|shown| (shown.id, shown.mask)).collect::<Vec<_>>())
+    };
+    let shown = about_object(&[4, 3, 1]).unwrap();
+    let mask = |map: usize, id: u16| (id, Mask::of_id(&maps[map], id));
+    assert_eq!(shown, [mask(0, 1), mask(1, 3), mask(0, 4)]);
+    assert!(about_object(&[1, 5]).unwrap_err().to_string().contains('5'), "no map has it");
 }

@@ -1,5 +1,8 @@
 //! Every subject of every view with its sheet and its questions: what can be replayed, asked or exported.
 
+use std::borrow::Cow;
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::cost::{Cost, Price};
 use super::whole::AnyWholeQuestion;
 use crate::consensus::AskAbout;
@@ -24,9 +27,9 @@ pub struct ViewSubjects<'a> {
     /// Unique among the views.
     pub name: &'a str,
     pub photo: &'a Photo,
-    /// As large as the photo.
-    pub map: &'a LabelMap,
-    /// The ids in the map to ask about.
+    /// As large as the photo. An id is that of the first map that has it.
+    pub maps: &'a [Cow<'a, LabelMap>],
+    /// The ids to ask about.
     pub ids: &'a [u16],
 }
 
@@ -95,23 +98,27 @@ impl<'a> Queries<'a> {
     }
 }
 
+/// By id.
 fn subjects_of(view: &ViewSubjects, about: AskAbout, options: &Options) -> Result<Vec<ShownSubject>, QueryError> {
-    let (map, photo) = (view.map, view.photo);
-    if (map.width, map.height) != photo.rgb.dimensions() {
-        return Err(QueryError::SizeMismatch {
-            view: view.name.into(),
-            map: (map.width, map.height),
-            photo: photo.rgb.dimensions(),
-        });
+    let &ViewSubjects { name, photo, maps, ids } = view;
+    let size = photo.rgb.dimensions();
+    if let Some(map) = maps.iter().find(|map| (map.width, map.height) != size) {
+        return Err(QueryError::SizeMismatch { view: name.into(), map: (map.width, map.height), photo: size });
     }
-    let photo_sha256 = Sha256Hex::of_picture(photo.rgb.dimensions(), photo.rgb.as_raw());
-    let drawer = Drawer::new(photo, map, options.context, options.sheet_size);
-    let mut ids = view.ids.to_vec();
+    let empty = |id: u16| QueryError::EmptySubject { view: name.into(), subject: SubjectId::of(about, id) };
+    let mut ids = ids.to_vec();
     ids.sort_unstable();
-    parallel::try_map(&ids, |&id| {
-        let sheet = drawer
-            .sheet(id)
-            .ok_or_else(|| QueryError::EmptySubject { view: view.name.into(), subject: SubjectId::of(about, id) })?;
-        Ok(ShownSubject::in_hashed(view.name, id, photo, photo_sha256.clone(), Mask::of_id(map, id), &sheet))
+    let in_map = |&id: &u16| {
+        let map = maps.iter().position(|map| map.labels.contains(&id));
+        map.map(|map| (id, map)).ok_or_else(|| empty(id))
+    };
+    let placed: Vec<(u16, usize)> = ids.iter().map(in_map).collect::<Result<_, _>>()?;
+    let drawer = |map: usize| Drawer::new(photo, &maps[map], options.context, options.sheet_size);
+    let drawers: BTreeMap<usize, Drawer> =
+        placed.iter().map(|(_, map)| *map).collect::<BTreeSet<_>>().into_iter().map(|map| (map, drawer(map))).collect();
+    let photo_sha256 = Sha256Hex::of_picture(size, photo.rgb.as_raw());
+    parallel::try_map(&placed, |&(id, map)| {
+        let sheet = drawers[&map].sheet(id).ok_or_else(|| empty(id))?;
+        Ok(ShownSubject::in_hashed(name, id, photo, photo_sha256.clone(), Mask::of_id(&maps[map], id), &sheet))
     })
 }

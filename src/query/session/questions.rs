@@ -64,21 +64,12 @@ impl QuerySession<'_> {
     }
 
     fn prepare_about(&self, about: AskAbout, subjects: &[SubjectInView]) -> Result<Queries<'_>> {
-        let ids_of = |view: usize, map: usize| -> Vec<u16> {
-            let ids = subjects.iter().filter(|subject| subject.view == view).map(|subject| subject.id);
-            let maps = &self.views[view].maps;
-            // An id that is in no map is counted among those of the last map, which are then refused.
-            let map_of = |id: u16| maps.iter().position(|map| map.labels.contains(&id)).unwrap_or(maps.len() - 1);
-            ids.filter(|id| map_of(*id) == map).collect()
-        };
-        let mut inputs = Vec::new();
-        for (number, view) in self.views.iter().enumerate() {
-            inputs.extend(view.maps.iter().enumerate().map(|(map, labels)| (view, labels, ids_of(number, map))));
-        }
-        let inputs: Vec<ViewSubjects> = inputs
-            .iter()
-            .filter(|(.., ids)| !ids.is_empty())
-            .map(|(view, map, ids)| ViewSubjects { name: view.name, photo: &view.photo, map, ids })
+        let ids_of =
+            |view: usize| subjects.iter().filter(|subject| subject.view == view).map(|subject| subject.id).collect();
+        let ids: Vec<Vec<u16>> = (0..self.views.len()).map(ids_of).collect();
+        let shown = self.views.iter().zip(&ids).filter(|(_, ids)| !ids.is_empty());
+        let inputs: Vec<ViewSubjects> = shown
+            .map(|(view, ids)| ViewSubjects { name: view.name, photo: &view.photo, maps: &view.maps, ids })
             .collect();
         Ok(Queries::prepare(&inputs, &self.library, &self.prompts, self.options, about)?)
     }
