@@ -156,7 +156,7 @@ class ExportOptions(StageOptions, total=False):
 
     format: Annotated[Union[Literal["mjcf", "urdf", "sdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv", "all"], Sequence[Literal["mjcf", "urdf", "sdf", "npz", "belief", "physgaussian", "usda", "usdz", "glb", "gltf-splat", "ply-parts", "asset", "csv", "all"]]], "Formats to write, separated by commas, or `all` in which the scene can be written; required for a splat. A mesh is written as `asset` without it; a URDF or MJCF is always written as it is, with masses, inertias and frictions filled in [possible values: mjcf, urdf, sdf, npz, belief, physgaussian, usda, usdz, glb, gltf-splat, ply-parts, asset, csv, all]"]
     colliders: Annotated[Literal["keep", "add", "make"], "Colliders of the format `asset` [default: add] [possible values: keep, add, make]"]
-    samples: Annotated[int, "Samples of the format `belief` [default: 32]"]
+    samples: Annotated[int, "Samples of the format `belief`, which is then written without being named, too [default: 32]"]
     origin: Annotated[Literal["input", "base", "com"], "Origin of the object's own axes, for simulators and glTF [default: input] [possible values: input, base, com]"]
     at: Annotated[Union[str, float], "Where these axes are by default, in metres: so exports that are loaded together stand side by side [default: 0,0,0]"]
     floating: Annotated[bool, "Hang a URDF's object on a floating joint, for readers that fix a root to the world (MuJoCo); --at does so too"]

@@ -294,9 +294,9 @@ pub struct ExportArgs {
     /// Colliders of the format `asset`.
     #[arg(long, value_enum, default_value_t)]
     pub colliders: export::Colliders,
-    /// Samples of the format `belief`.
-    #[arg(long, default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub samples: u32,
+    /// Samples of the format `belief`, which is then written without being named, too [default: 32].
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub samples: Option<u32>,
     /// Origin of the object's own axes, for simulators and glTF.
     #[arg(long, value_enum, default_value_t)]
     pub origin: export::Origin,

@@ -24,6 +24,9 @@ use crate::{batch, config, mcp};
 use super::arguments::FormatChoice;
 use super::{ExportArgs, Global, ShowArgs, What, WorkArgs, found, print, print_path, print_text, shown};
 
+/// Samples of what is believed, if no other number is asked for.
+const SAMPLES: u32 = 32;
+
 /// What a run would do.
 #[derive(Serialize)]
 pub struct DryRun {
@@ -130,23 +133,28 @@ pub fn export(global: &Global, args: &ExportArgs) -> Result<()> {
     print_exported(global, &exported)
 }
 
-/// The formats to write, all that are possible if `None`: the asset itself for a mesh, if none is named.
+/// The formats to write, all that are possible if `None`: the asset itself for a mesh, if none is named, and what other options ask for.
 ///
 /// # Errors
-/// If none is named for a scene.
+/// If there is none.
 pub fn formats(args: &ExportArgs) -> Result<Option<Vec<Format>>, UsageError> {
     let one = |choice: &FormatChoice| match choice {
         FormatChoice::All => None,
         FormatChoice::One(format) => Some(*format),
     };
-    match args.format.as_slice() {
-        [] if args.scene().is_file() => return Ok(Some(vec![Format::Asset])),
-        [] => {}
-        given => return Ok(given.iter().map(one).collect()),
+    let Some(mut formats) = args.format.iter().map(one).collect::<Option<Vec<Format>>>() else { return Ok(None) };
+    if formats.is_empty() && args.scene().is_file() {
+        formats.push(Format::Asset);
     }
-    let formats: Vec<String> =
-        Format::value_variants().iter().filter(|format| !format.needs_mesh()).map(|format| format.name()).collect();
-    Err(UsageError(format!("--format is missing: name `all` or one or more of {}", formats.join(", "))))
+    if args.samples.is_some() && !formats.contains(&Format::Belief) {
+        formats.push(Format::Belief);
+    }
+    if formats.is_empty() {
+        let possible = Format::value_variants().iter().filter(|format| !format.needs_mesh());
+        let possible: Vec<String> = possible.map(|format| format.name()).collect();
+        return Err(UsageError(format!("--format is missing: name `all` or one or more of {}", possible.join(", "))));
+    }
+    Ok(Some(formats))
 }
 
 /// An object that was exported.
@@ -169,7 +177,7 @@ pub fn export_one(global: &Global, args: &ExportArgs, options: &Options) -> Resu
     let wanted = ExportOptions {
         formats: formats.as_deref().map_or(Formats::Possible, Formats::Each),
         colliders: args.colliders,
-        samples: args.samples as usize,
+        samples: args.samples.unwrap_or(SAMPLES) as usize,
         origin: args.origin,
         at: args.at,
         floating: args.floating,

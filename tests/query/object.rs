@@ -440,7 +440,7 @@ fn samples_are_as_probable_as_the_belief_says_and_fit_together() {
     let hypotheses = parts(&balls)["belief"]["hypotheses"].clone();
     let out = balls.scene(0).join("exported");
     let export = |samples: &str| {
-        let what = ["--format", "belief", "--samples", samples, "--out", out.to_str().unwrap()];
+        let what = ["--samples", samples, "--out", out.to_str().unwrap()];
         let output = gprop().arg("export").arg(balls.scene(0)).args(what).output().unwrap();
         assert!(output.status.success(), "{}", said(&output));
         let written = fs::read_dir(&out).unwrap().map(|entry| entry.unwrap().path());
