@@ -78,13 +78,14 @@ impl SegmentsFile {
     /// written; warns if one of them was changed.
     pub fn take(&mut self, work: &WorkDir, view: &str, key: &str) -> Option<(ViewEntry, Vec<u8>)> {
         const REMEDY: &str = "the affected view is segmented again";
-        let (entry, artifact) = (self.views.remove(view)?, Artifact::LabelMap(view));
+        // Another version of gprop seals entries in another way.
+        let (entry, artifact) = (self.views.remove(view).filter(|entry| entry.key == key)?, Artifact::LabelMap(view));
         if !entry.is_whole(view) {
             work.warn_changed(&Artifact::Segments.path(), REMEDY);
             return None;
         }
         // A missing label map is recreated without a warning.
-        let png = work.read(artifact).ok().filter(|_| entry.key == key)?;
+        let png = work.read(artifact).ok()?;
         if Checksum::of(&png) != entry.map {
             work.warn_changed(&artifact.path(), REMEDY);
             return None;

@@ -29,17 +29,6 @@ pub(super) fn is_possible(masks: &Masks, is_new: IsNew) -> bool {
 }
 
 impl<'a> Sighting<'a> {
-    /// Adds the masks of further views that show the same.
-    pub fn confirm(&mut self, by_view: &'a ByView) {
-        let shown = |of: &'a Vec<Proposal>| nearest(&self.light, of).map(|(_, of)| of);
-        let more: Vec<Option<&Proposal>> = by_view.iter().map(shown).collect();
-        for (mask, of) in self.masks.iter_mut().zip(&more) {
-            *mask = mask.or(of.map(|of| &of.mask));
-        }
-        self.light.extend(more.into_iter().flatten().flat_map(|of| &of.light));
-        self.light = Light::added_up(std::mem::take(&mut self.light));
-    }
-
     /// The sighting of which the views are surest: of all masks that show something new, the one that the others confirm most;
     /// `None` if too few confirm any.
     pub fn of(by_view: &'a ByView, is_new: IsNew) -> Option<Self> {
@@ -67,6 +56,17 @@ impl<'a> Sighting<'a> {
             light.extend(of_view);
         }
         Some(Self { masks, light: Light::added_up(light) })
+    }
+
+    /// Adds the masks of further views that show the same.
+    pub fn confirm(&mut self, by_view: &'a ByView) {
+        let shown = |of: &'a Vec<Proposal>| nearest(&self.light, of).map(|(_, of)| of);
+        let more: Vec<Option<&Proposal>> = by_view.iter().map(shown).collect();
+        for (mask, of) in self.masks.iter_mut().zip(&more) {
+            *mask = mask.or(of.map(|of| &of.mask));
+        }
+        self.light.extend(more.into_iter().flatten().flat_map(|of| &of.light));
+        self.light = Light::added_up(std::mem::take(&mut self.light));
     }
 }
 
